@@ -311,3 +311,12 @@ def test_an_interruption_moves_the_sensor_nowhere():
     step = np.linalg.norm(given[8].pose[:3, 3] - given[7].pose[:3, 3])
     assert step < 0.5
     assert given[8].pose[2, 3] == pytest.approx(given[0].pose[2, 3], abs=0.2)
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.3])
+def test_a_labeler_that_was_warmed_up_gives_the_same_labels(lag):
+    labeler = automos.Labeler(lag=lag, is_compensated=True)
+    labeler.warm_up()
+    given = [g for scan in SCANS[:8] for g in labeler.push(scan)] + labeler.finish()
+    for one, other in zip(given, run(SCANS[:8], lag), strict=True):
+        np.testing.assert_array_equal(one.labels, other.labels)

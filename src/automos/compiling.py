@@ -22,6 +22,7 @@ from numba.core.caching import NullCache
 
 from automos.core.array_sequence import ArraySequence
 from automos.core.geometry import make_transform
+from automos.core.made_up_sweep import BOX, SENSOR, SPEED, box_center, made_up_sweep
 from automos.core.parallel import available_cores, end_with
 from automos.core.scan import GROUND, OBJECT
 from automos.core.working_folder import SAFE_PATH
@@ -128,9 +129,9 @@ def compile_share(share: str) -> None:
         return
     n = len(steps.sequence)
     T, motion = np.tile(np.eye(4), (n, 1, 1)), np.zeros((n, 6))
-    T[:, 0, 3], motion[:, 0] = _SPEED * _STAMPS, 0.1 * _SPEED
+    T[:, 0, 3], motion[:, 0] = SPEED * _STAMPS, 0.1 * SPEED
     timing = SweepTiming("azimuth", turn=1, seam_deg=180.0, share=1.0)
-    steps.run.fill("odometry", {"all": Trajectory(T, _STAMPS, motion, timing, make_transform(t=_SENSOR)).to_arrays()})
+    steps.run.fill("odometry", {"all": Trajectory(T, _STAMPS, motion, timing, make_transform(t=SENSOR)).to_arrays()})
     if share == "candidates":
         steps.candidates()
         return
@@ -148,37 +149,14 @@ def _small_run() -> Steps:
 
 def _made_up_candidates(points_level: np.ndarray, stamp: float) -> Arrays:
     """Return what is known of a made-up sweep's points: the box has moved, the walls stay."""
-    off = np.abs(points_level - _box_center(stamp))
-    log_odds = np.where((off < _BOX + np.array([1.0, 0.1, 0.1])).all(axis=1), 4.0, -4.0)
+    off = np.abs(points_level - box_center(stamp))
+    log_odds = np.where((off < BOX + np.array([1.0, 0.1, 0.1])).all(axis=1), 4.0, -4.0)
     kind = np.where(points_level[:, 2] < 0.05, GROUND, OBJECT).astype(np.uint8)
     solidity = np.full(len(kind), 255, np.uint8)
     return candidates_of(log_odds, kind, points_level[:, 2], solidity, np.array([0.0145, 0.014]))
 
 
 _STAMPS = np.array([0.1 * k for k in range(24)], np.float64)
-_SPEED = 3.0
-"""Metres per second of the sensor, so that its sweeps need compensation."""
-_SENSOR = np.array([0.0, 0.0, 1.8])
-"""Metres, where it is at first."""
-_BOX = np.array([2.0, 0.9, 0.7])
-"""Metres, half the size of what overtakes it."""
-
-
-def _box_center(time: float | np.ndarray) -> np.ndarray:
-    return 9.0 * np.asarray(time)[..., None] * np.array([1.0, 0.0, 0.0]) + np.array([-7.0, 5.0, 0.8])
-
-
-def made_up_sweep(stamp: float) -> np.ndarray:
-    """Return (N, 3) points: in a walled square, a box as large as a car overtakes the sensor."""
-    turn, elevation = np.meshgrid(np.arange(0.1, 360.0, 1.4) / 360.0, np.linspace(-0.38, 0.07, 32), indexing="ij")
-    azimuth, time = 2.0 * np.pi * turn.ravel() - np.pi, stamp + 0.1 * turn.ravel() - 0.05
-    rays = np.column_stack([np.cos(azimuth), np.sin(azimuth), np.tan(elevation.ravel())])
-    sensor = _SPEED * time[:, None] * np.array([1.0, 0.0, 0.0]) + _SENSOR
-    distance = ((np.where(rays > 0, [30.0, 12.0, np.inf], [-20.0, -12.0, 0.0]) - sensor) / rays).min(axis=1)
-    center = _box_center(time)
-    faces = np.sort([(center - _BOX - sensor) / rays, (center + _BOX - sensor) / rays], axis=0)
-    enters, leaves = faces[0].max(axis=1), faces[1].min(axis=1)
-    return np.where((enters > 0) & (enters < leaves), enters, distance)[:, None] * rays
 
 
 if __name__ == "__main__":

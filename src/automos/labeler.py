@@ -25,8 +25,10 @@ import numpy.typing as npt
 from automos.core.arguments import require_kind
 from automos.core.array_sequence import as_scan
 from automos.core.errors import InputError
+from automos.core.made_up_sweep import made_up_sweep
 from automos.core.parallel import available_cores, checked_workers, one_ahead
 from automos.core.scan import Pose, Scan
+from automos.online.guard import Guard
 from automos.online.intake import LONGEST_GAP, Intake, Kind, Taken
 from automos.online.labelled_scan import LabelledScan
 from automos.online.return_order import ReturnOrder
@@ -37,12 +39,14 @@ from automos.settings import Settings, given_settings
 
 __all__ = ["Labeler", "LabelledScan"]
 
+WARM_UP = 16
+"""Made-up scans that are labelled before the first one."""
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
 class _Arrived:
-    """Scan number `index`, how the stream should treat it, and its segments; objects are tracked later."""
+    """Scan number `index`, its role, and its segments; objects are tracked later."""
 
     index: int
     scan: Scan
@@ -108,7 +112,15 @@ class Labeler:
         self._threads = checked_workers(threads, "threads")
         self._pool = ThreadPoolExecutor(self._threads or available_cores())
         self._arrived: deque[_Arrived] = deque()
+        self._guard = Guard()
         self._begin()
+
+    def warm_up(self) -> None:
+        """Load what labelling needs, or compile it (up to a minute): then the first scan is as fast as others."""
+        labeler = Labeler(self.settings, lag=self.lag, threads=self._threads)
+        for i in range(WARM_UP):
+            labeler.push(made_up_sweep(0.1 * i).astype(np.float32), 0.1 * i)
+        labeler.finish()
 
     def push(self, scan: Scan | npt.ArrayLike, stamp: float | None = None) -> list[LabelledScan]:
         """Add the next scan; return the scans whose lag has passed, in the order in which they arrived.
@@ -129,11 +141,12 @@ class Labeler:
         Raises
         ------
         InputError
-            `scan` is not a scan or `stamp` not a number.
+            `scan` is not a scan or `stamp` not a number; another thread is pushing; or an earlier call was interrupted.
         """
-        self._arrive(scan, stamp)
-        self._label()
-        return self._take()
+        with self._guard.alone():
+            self._arrive(scan, stamp)
+            self._label()
+            return self._take()
 
     def push_each(self, scans: Iterable[Scan | npt.ArrayLike]) -> Iterator[list[LabelledScan]]:
         """Yield what `push` returns for each of `scans`; odometry and segmentation of the next scan run meanwhile.
@@ -157,14 +170,15 @@ class Labeler:
         InputError
             One of them is not a scan. Errors raised by `scans` itself pass through.
         """
-        try:
-            # A new stream starts at the last pose of the one before, which is known after labelling.
-            for _ in one_ahead(self._arrive, scans, lambda arrived: arrived.about.kind is Kind.RESTART):
-                self._label()
-                yield self._take()
-        finally:
-            while self._arrived:
-                self._label()
+        with self._guard.alone():
+            try:
+                # A new stream starts at the last pose of the one before, which is known after labelling.
+                for _ in one_ahead(self._arrive, scans, lambda arrived: arrived.about.kind is Kind.RESTART):
+                    self._label()
+                    yield self._take()
+            finally:
+                while self._arrived and not self._guard.is_broken:
+                    self._label()
 
     def finish(self) -> list[LabelledScan]:
         """End the recording; a new one may begin afterwards.
@@ -174,7 +188,7 @@ class Labeler:
         list of LabelledScan
             The scans that were not returned yet.
         """
-        if self._stream is not None:
+        if self._stream is not None and not self._guard.is_broken:
             self._order.add(self._stream.finish())
         rest = self._order.take()
         self._begin()
@@ -182,38 +196,41 @@ class Labeler:
 
     def _begin(self) -> None:
         """Forget all scans: the next one is the first."""
-        # A recording that is labelled as a whole may have gaps: `label` compares scans before and after one.
+        # A recording labelled as a whole may have gaps: `label` compares scans before and after one.
         self._intake = Intake(LONGEST_GAP if math.isfinite(self.lag) else math.inf)
         self._order, self._n = ReturnOrder(), 0
         self._stream: Stream | WholeRecording | None = None
+        self._guard.is_broken = False
+        self._arrived.clear()
 
     def _take(self) -> list[LabelledScan]:
-        """Return the scans that are ready; all of them at `finish` if the lag is infinite."""
         return self._order.take() if math.isfinite(self.lag) else []
 
     def _arrive(self, one: Scan | npt.ArrayLike, stamp: float | None = None) -> _Arrived:
         """Add a scan; do what does not depend on the labels of earlier ones."""
         scan = as_scan(one, stamp)
-        about = self._intake.take(scan)
-        index, self._n = self._n, self._n + 1
-        if math.isfinite(self.lag) or scan.stamp is not None:  # without a clock, `label` counts the scans itself
-            scan = replace(scan, stamp=about.stamp)
-        segmented = self._begin_stream().segment(index, scan) if about.kind is Kind.NEXT else None
-        self._arrived.append(_Arrived(index, scan, about, segmented))
-        return self._arrived[-1]
+        with self._guard.step():
+            about = self._intake.take(scan)
+            index, self._n = self._n, self._n + 1
+            if math.isfinite(self.lag) or scan.stamp is not None:  # without a clock, `label` counts the scans itself
+                scan = replace(scan, stamp=about.stamp)
+            segmented = self._begin_stream().segment(index, scan) if about.kind is Kind.NEXT else None
+            self._arrived.append(_Arrived(index, scan, about, segmented))
+            return self._arrived[-1]
 
     def _label(self) -> None:
         """Label the oldest scan that has arrived."""
-        arrived = self._arrived.popleft()
-        index, scan, about, segmented = arrived.index, arrived.scan, arrived.about, arrived.segmented
-        if about.warning:
-            _log.warning("scan %d: %s", index, about.warning)
-        if about.kind is Kind.RESTART:
-            self._end_stream()
-            segmented = self._begin_stream().segment(index, scan)
-        self._order.expect(index, about, len(scan))
-        if segmented is not None:
-            self._order.add(self._begin_stream().follow(segmented))
+        with self._guard.step():
+            arrived = self._arrived.popleft()
+            index, scan, about, segmented = arrived.index, arrived.scan, arrived.about, arrived.segmented
+            if about.warning:
+                _log.warning("scan %d: %s", index, about.warning)
+            if about.kind is Kind.RESTART:
+                self._end_stream()
+                segmented = self._begin_stream().segment(index, scan)
+            self._order.expect(index, about, len(scan))
+            if segmented is not None:
+                self._order.add(self._begin_stream().follow(segmented))
 
     def _begin_stream(self) -> Stream | WholeRecording:
         if self._stream is None:

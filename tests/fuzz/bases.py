@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -15,14 +14,11 @@ import pytest
 TESTS = Path(__file__).parents[1]
 sys.path[:0] = [str(TESTS), str(TESTS / "readers")]
 
+import point_writers as writers
 from street_log import StreetLog, street_log
 
 from automos.core.labels import pack
 from automos.core.pose_writers import write_kitti
-
-_spec = importlib.util.spec_from_file_location("dataset_writers", TESTS / "readers" / "conftest.py")
-writers = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(writers)
 
 N_SCANS = 4
 

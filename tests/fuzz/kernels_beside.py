@@ -101,10 +101,11 @@ def _datasets(points: np.ndarray) -> None:
         lzf._decompress(data, np.empty(n_bytes, np.uint8))
     for is_big in (False, True):
         packets = [np.empty(len(data), kind) for kind in (np.int64, np.int64, np.float64, np.int64)]
-        pcap._walk(data, 8, is_big, 1e-6, 14, *packets)
+        for is_ng in (False, True):
+            pcap._walk(data, 8, is_big, is_ng, np.array([1e-6]), np.array([14]), *packets)
         data = np.concatenate([np.array([0x45, 0, 0, 0, 0, 0, 0, 0, 0, 17], np.uint8), data])  # IPv4, UDP
         record = np.array([0, 0, len(data), len(data)], ">u4" if is_big else "<u4").view(np.uint8)
-        pcap._walk(np.concatenate([record, data]), 8, is_big, 1e-6, 0, *packets)
+        pcap._walk(np.concatenate([record, data]), 8, is_big, False, np.array([1e-6]), np.array([0]), *packets)
     velodyne_sweeps._mark_first(points[:, 0], points[:, 1], np.zeros(3), np.zeros(len(points), bool))
     for written in (raw, " ".join(map(str, points.ravel())).encode()):
         try:

@@ -16,7 +16,7 @@ from automos.core.scan import Scan
 from automos.live.feed import Feed, Replay
 from automos.live.latest import Latest
 from automos.live.opening import open_feed
-from automos.live.run import get_ready, run_live
+from automos.live.run import run_live
 from automos.live.udp import UdpFeed, parse_address
 from automos.live.velodyne import VelodyneAssembler
 
@@ -297,12 +297,6 @@ def test_packets_of_another_maker_alone_are_told():
     send_all(feed.port, [b"\1" * 3392] * 50)
     thread.join(30)
     assert "but 50 of another kind or sensor did; is --sensor right?" in str(box["error"])
-
-
-def test_getting_ready_labels_something_made_up():
-    labeler = Slow(late=2)
-    get_ready(labeler, 4)
-    assert (labeler.n, labeler.kept) == (4, [])
 
 
 def test_packets_of_a_model_that_nobody_knows_are_told(packets):

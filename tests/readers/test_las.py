@@ -41,7 +41,7 @@ def test_sweeps_are_read_with_all_their_points(tmp_path, suffix):
 def test_a_map_and_a_damaged_file_are_told(tmp_path, monkeypatch):
     scan = street_log().scans[0]
     write_las(tmp_path / "map" / "0.las", scan, offset=5e5)
-    with pytest.raises(InputError, match=r"0.las has coordinates of a map \(5000\d\d, 5000\d\d\)"):
+    with pytest.raises(InputError, match=r"frame of a map .* about \(500000, 500000\)"):
         open_sequence(tmp_path / "map")[0]
     write_las(tmp_path / "cut" / "0.laz", scan)
     path = tmp_path / "cut" / "0.laz"

@@ -2,11 +2,13 @@
 
 import pickle
 import re
+import struct
 
 import numpy as np
 import pytest
+from velodyne_packets import write_pcapng
 
-from automos.core.errors import InputError
+from automos.core.errors import InputError, MissingExtraError
 from automos.readers import open_sequence
 from automos.readers.ouster import find
 
@@ -114,10 +116,10 @@ def test_a_file_that_is_cut_short_or_of_no_packets_is_told(drive, tmp_path):
     path, _, _ = drive
     (tmp_path / "cut.json").write_text(path.with_suffix(".json").read_text())
     (tmp_path / "cut.pcap").write_bytes(b"no packets at all")
-    with pytest.raises(InputError, match=r"cut.pcap (cannot be read as packets|holds no frames)"):
+    with pytest.raises(InputError, match=r"cut.pcap (cannot be read as a recording|holds no frames)"):
         open_sequence(tmp_path / "cut.pcap")
     (tmp_path / "cut.json").write_text("{")
-    with pytest.raises(InputError, match=r"cut.pcap cannot be read as packets of an Ouster"):
+    with pytest.raises(InputError, match=r"cut.pcap cannot be read as a recording of an Ouster"):
         open_sequence(tmp_path / "cut.pcap")
 
 
@@ -138,3 +140,43 @@ def test_metadata_of_beams_that_point_nowhere_is_told(drive, tmp_path):
     (tmp_path / "odd.json").write_text(text[: angles.start(1)] + "1e300" + text[angles.end(1) :])
     with pytest.raises(InputError, match=r"odd.pcap has metadata of beams that point nowhere"):
         open_sequence(tmp_path / "odd.pcap")[0]
+
+
+def test_frames_of_ousters_own_recorder_are_those_of_the_packets(drive, tmp_path):
+    osf, pcap = pytest.importorskip("ouster.sdk.osf"), pytest.importorskip("ouster.sdk.pcap")
+    path, _, _ = drive
+    packets = pcap.PcapScanSource(str(path), meta=[str(path.with_suffix(".json"))], index=True)
+    writer = osf.Writer(str(tmp_path / "drive.osf"), packets.sensor_info)
+    for frames in packets:
+        writer.save(0, next(frame for frame in frames if frame is not None))
+    writer.close()
+    sequence = open_sequence(tmp_path)  # it needs nothing beside it
+    assert (sequence.name, len(sequence), sequence.source.name) == ("drive", 3, "drive.osf")
+    for got, true in zip(sequence, open_sequence(path), strict=True):
+        np.testing.assert_allclose(got.points, true.points, atol=1e-6)
+        np.testing.assert_array_equal(got.intensity, true.intensity)
+        np.testing.assert_array_equal(got.time, true.time)
+    (tmp_path / "drive.osf").write_bytes((tmp_path / "drive.osf").read_bytes()[:1000])
+    with pytest.raises(InputError, match=r"drive.osf (is damaged|cannot be read)"):
+        open_sequence(tmp_path)
+
+
+def test_a_capture_of_wiresharks_own_kind_holds_the_same_frames(drive, tmp_path):
+    path, _, _ = drive
+    raw, frames, at = path.read_bytes(), [], 24
+    while at < len(raw):
+        seconds, fraction, size, _ = struct.unpack_from("<IIII", raw, at)
+        frames.append((seconds + 1e-6 * fraction, raw[at + 16 : at + 16 + size]))
+        at += 16 + size
+    link = struct.unpack_from("<I", raw, 20)[0]
+    write_pcapng(tmp_path / "drive.pcapng", frames, link=link, other=link)
+    (tmp_path / "drive.json").write_text(path.with_suffix(".json").read_text())
+    for got, true in zip(open_sequence(tmp_path), open_sequence(path), strict=True):
+        np.testing.assert_array_equal(got.points, true.points)
+
+
+def test_without_the_library_what_converts_is_named(tmp_path, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "ouster.sdk.osf", None)
+    (tmp_path / "drive.osf").write_bytes(b"4\0\0\0\x14\0\0\0OSF$")
+    with pytest.raises(MissingExtraError, match=r"\[ouster\]', in an environment .* ouster-cli source drive.osf save"):
+        open_sequence(tmp_path / "drive.osf")

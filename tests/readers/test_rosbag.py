@@ -8,7 +8,7 @@ from bags import cloud, columns_of, write_bag
 from street_log import assert_same_points, street_log
 
 from automos.core.errors import InputError, MissingExtraError
-from automos.readers import open_recordings, open_sequence
+from automos.readers import bag_messages, open_recordings, open_sequence
 
 
 def messages_of(log, **options):
@@ -40,6 +40,14 @@ def test_every_kind_of_bag_gives_the_clouds_of_its_only_such_topic(tmp_path, nam
     assert [s.name for s in open_recordings(tmp_path / "bags")] == ["log"]
 
 
+@pytest.mark.parametrize("name", ["run.v2.bag", "run.v2.mcap", "2021.04.01"])
+def test_a_recording_is_called_what_its_bag_is_but_for_the_kind(tmp_path, name):
+    path = write_bag(tmp_path / name, {"/p": number(2)}) if name[-1] != "1" else tmp_path / name
+    if name[-1] == "1":
+        write_bag(tmp_path / "log", {"/p": number(2)}).rename(path)
+    assert open_sequence(path).name == name.removesuffix(".bag").removesuffix(".mcap")
+
+
 def test_the_address_of_a_topic_opens_it_again(tmp_path):
     write_bag(tmp_path / "log.mcap", {"/front/points": number(3), "/rear/points": number(4)})
     rear = open_sequence(tmp_path / "log.mcap" / "rear" / "points")
@@ -62,8 +70,8 @@ def test_an_mcap_file_of_another_kind_than_ros_is_told(tmp_path):
     channel = writer.register_channel("/points", "protobuf", schema)
     writer.add_message(channel, 0, b"123", 0)
     writer.finish()
-    with pytest.raises(InputError, match=r"log.mcap (has no topic|cannot be read)"):
-        open_sequence(tmp_path / "log.mcap")
+    with pytest.raises(InputError, match=r"log.mcap cannot be read as a ROS bag \(it ends within a field\)"):
+        _ = open_sequence(tmp_path / "log.mcap")[0]
 
 
 def test_a_bag_that_is_compressed_as_a_whole_is_to_be_unpacked(tmp_path):
@@ -216,11 +224,37 @@ def test_two_names_of_one_colour_may_share_its_bytes(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["log.bag", "log.db3", "log.mcap"])
-@pytest.mark.parametrize("share", [0.0, 0.5, 0.95])
-def test_bags_that_were_cut_short_are_told(tmp_path, name, share):
-    path = write_bag(tmp_path / name, {"/points": messages_of(street_log())})
+def test_an_empty_bag_and_what_is_none_are_told(tmp_path, name):
+    path = tmp_path / name
+    path.touch()
+    with pytest.raises(InputError, match=rf"{name} is empty: nothing was recorded, or copied"):
+        open_sequence(path)
+    path.write_bytes(b"<html>not found</html>")
+    with pytest.raises(
+        InputError, match=rf"{name} is not a bag: it begins with '<html>not found<', bags with '#ROSBAG"
+    ):
+        open_sequence(path)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.95])
+@pytest.mark.parametrize("compress", [False, True])
+@pytest.mark.parametrize("name", ["log.bag", "log.mcap"])
+def test_of_bags_that_were_cut_what_is_whole_is_read(tmp_path, name, compress, share):
+    log = street_log()
+    path = write_bag(tmp_path / name, {"/points": messages_of(log)}, compress=compress)
     path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
-    with pytest.raises(InputError, match=rf"{name} cannot be read as a ROS bag"):
+    sequence = open_sequence(path)
+    assert len(log.scans) * share - 2 <= len(sequence) <= len(log.scans)
+    for got, true in zip(sequence, log.scans, strict=False):
+        assert_same_points(got, true, atol=0)
+    assert any(f"{name} ends within a record" in warning for warning in sequence.warnings)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.95])
+def test_a_database_that_was_cut_is_told(tmp_path, share):
+    path = write_bag(tmp_path / "log.db3", {"/points": messages_of(street_log())})
+    path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
+    with pytest.raises(InputError, match=r"log.db3 (cannot be read as a ROS bag|is damaged)"):
         [*open_sequence(path)]
 
 
@@ -232,7 +266,8 @@ def test_a_bag_without_clouds_lists_what_it_has(tmp_path):
     with Writer(tmp_path / "log", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         writer.add_connection("/imu", "sensor_msgs/msg/Imu", typestore=types)
     with pytest.raises(
-        InputError, match=r"no topic of type sensor_msgs/msg/PointCloud2 .*; .*/imu \(sensor_msgs/msg/Imu\)"
+        InputError,
+        match=r"no topic of type sensor_msgs/msg/PointCloud2, .*; its topics are: /imu \(sensor_msgs/msg/Imu\)",
     ):
         open_sequence(tmp_path / "log")
 
@@ -249,7 +284,8 @@ def test_a_pipe_in_a_bags_folder_is_refused_not_waited_for(tmp_path):
 
 def test_a_bag_without_the_extra_names_the_command_to_install_it(tmp_path, monkeypatch):
     path = write_bag(tmp_path / "log.mcap", {"/p": number(1)})
-    monkeypatch.setitem(__import__("sys").modules, "rosbags.highlevel", None)
+    bag_messages._types.cache_clear()
+    monkeypatch.setitem(__import__("sys").modules, "rosbags.typesys", None)
     with pytest.raises(MissingExtraError, match=r"pip install '.*\[ros\]'"):
         open_sequence(path)
 

@@ -15,6 +15,7 @@ from velodyne_packets import (
     to_points,
     udp,
     write_pcap,
+    write_pcapng,
 )
 from worlds import ROADSIDE, SENSOR_HEIGHT, TRAFFIC, cast, iou_of_moving
 
@@ -274,16 +275,47 @@ def test_a_capture_of_the_beginnings_of_packets_is_told(tmp_path):
 
 def test_a_capture_of_another_kind_is_told(tmp_path):
     path = tmp_path / "drive.pcap"
-    path.write_bytes(struct.pack("<III", 0x0A0D0D0A, 28, 0x1A2B3C4D) + bytes(16))
-    with pytest.raises(InputError, match=r"drive.pcap has no metadata .* make a pcapng file a classic one \(editcap"):
-        open_sequence(path)
-    with pytest.raises(InputError, match=r"drive.pcap is a pcapng file; make it a classic one: editcap -F pcap"):
-        VelodyneSequence(path)
     path.write_bytes(b"no packets at all, but text")
     with pytest.raises(InputError, match=r"drive.pcap is not a capture of packets"):
         VelodyneSequence(path)
     write_pcap(path, [], link=105)
     with pytest.raises(InputError, match=r"drive.pcap was captured on a link of type 105, which is not read"):
+        VelodyneSequence(path)
+
+
+@pytest.mark.parametrize(("order", "resolution"), [("<", 6), (">", 6), ("<", 9), ("<", 128 | 20)])
+def test_a_capture_of_wiresharks_own_kind_is_read_as_the_classic_one(tmp_path, order, resolution):
+    returns = room(n_packets=200)
+    frames = [(HOUR + 0.02 + seconds, udp(packet)) for seconds, packet in data_packets(*returns)]
+    path = write_pcapng(tmp_path / "drive.pcapng", frames, order, resolution)
+    assert find_recordings(tmp_path) == [path]
+    sequence, classic = open_sequence(path), open_sequence(write_pcap(tmp_path / "classic.pcap", frames))
+    assert_same_returns(sequence, *returns)
+    np.testing.assert_allclose(sequence.stamps, classic.stamps, atol=2e-6)
+    for got, true in zip(sequence, classic, strict=True):
+        np.testing.assert_array_equal(got.points, true.points)
+        np.testing.assert_array_equal(got.time, true.time)
+
+
+def test_a_capture_of_wiresharks_kind_that_is_cut_empty_or_damaged_is_told(tmp_path):
+    frames = [(HOUR + seconds, udp(packet)) for seconds, packet in data_packets(*room(n_packets=4))]
+    path = write_pcapng(tmp_path / "drive.pcapng", frames)
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-40])
+    with pytest.raises(InputError, match=r"drive.pcapng ends within a packet .* editcap -F pcap drive.pcapng whole"):
+        open_sequence(path)
+    damaged = bytearray(whole)
+    damaged[-4000:-3996] = bytes(4)
+    for at in range(0, len(whole) - 8, 4):  # a block of no length is no endless loop
+        if whole[at : at + 4] == b"\x06\0\0\0":
+            path.write_bytes(whole[: at + 4] + bytes(4) + whole[at + 8 :])
+    with pytest.raises(InputError, match=r"drive.pcapng ends within a packet"):
+        VelodyneSequence(path)
+    write_pcapng(path, [])
+    with pytest.raises(InputError, match=r"drive.pcapng has no metadata drive.json beside it, .* no packets of a Velo"):
+        open_sequence(path)
+    write_pcapng(path, frames, link=105)
+    with pytest.raises(InputError, match=r"drive.pcapng holds no packets of a Velodyne"):
         VelodyneSequence(path)
 
 

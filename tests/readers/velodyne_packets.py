@@ -85,6 +85,38 @@ def write_pcap(
     return path
 
 
+def write_pcapng(
+    path: Path,
+    frames: list[tuple[float, bytes]],
+    order: str = "<",
+    resolution: int = 6,
+    link: int = 1,
+    other: int = 113,
+) -> Path:
+    """Write (seconds, frame) as Wireshark does: comments and names between packets, times in 10^-resolution s or,
+    with the highest bit set, in powers of two."""
+    unit = 2.0 ** (resolution & 127) if resolution & 128 else 10.0**resolution
+
+    def block(kind: int, body: bytes) -> bytes:
+        body += bytes(-len(body) % 4)
+        return struct.pack(order + "II", kind, 12 + len(body)) + body + struct.pack(order + "I", 12 + len(body))
+
+    with open(path, "wb") as file:
+        file.write(block(0x0A0D0D0A, struct.pack(order + "IHHq", 0x1A2B3C4D, 1, 0, -1)))
+        for number in (other, link):  # the first has no packets
+            options = struct.pack(order + "HHB3xHH", 9, 1, resolution, 0, 0)
+            file.write(block(1, struct.pack(order + "HHI", number, 0, 0) + options))
+        for k, (seconds, frame) in enumerate(frames):
+            time = round(seconds * unit)
+            head = struct.pack(order + "IIIII", 1, time >> 32, time & 0xFFFFFFFF, len(frame), len(frame))
+            file.write(
+                block(6, head + frame + bytes(-len(frame) % 4) + struct.pack(order + "HH4sHH", 1, 4, b"note", 0, 0))
+            )
+            if k % 7 == 3:
+                file.write(block(4, bytes(4)))  # names of addresses
+    return path
+
+
 HDL64_ELEVATIONS = np.round(np.r_[2.0 - np.arange(32) / 3.0, -8.83 - 0.5 * np.arange(32)], 2)
 """(64,) degrees, upper block first."""
 

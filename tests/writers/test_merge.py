@@ -13,6 +13,7 @@ from automos.cli import app
 from automos.core.errors import InputError
 from automos.core.labels import Label
 from automos.readers import open_sequence
+from automos.readers.codecs import read_columns
 from automos.results.run_files import RunFiles
 from automos.writers import export_run
 from automos.writers.edits import read_edits
@@ -416,3 +417,42 @@ def test_what_another_run_left_does_not_stay_among_the_results(run, root, tmp_pa
     merge(run, root / "sustech", out)
     assert sorted(path.stem for path in (out / "predictions").iterdir()) == sorted(run.names)
     assert not any(out.glob("confidences/*"))
+
+
+@pytest.mark.parametrize("fill", [np.nan, np.inf])
+def test_points_that_are_not_finite_are_left_out_of_what_tools_show_and_unedited_nothing_changes(tmp_path, fill):
+    recording = tmp_path / "lane"
+    write_bins(lane().sequence, recording)
+    for path in recording.rglob("*.bin"):
+        rows = np.fromfile(path, np.float32).reshape(-1, 4)
+        rows = np.insert(rows, np.arange(3, len(rows) + 1, 3), 0.0, axis=0)
+        rows[3::4, :3] = fill, -fill, fill
+        rows.tofile(path)
+    done = CliRunner().invoke(app, ["label", str(recording), "--out", str(tmp_path / "run"), "--workers", "1"])
+    assert done.exit_code == 0, done.output
+    sequence = open_sequence(recording)
+    run = RunFiles(tmp_path / "run", sequence)
+    before = [run.labels(i, len(sequence[i])) for i in range(len(sequence))]
+    n_boxes = sum(len(run.boxes_upright(i)) for i in range(len(sequence)))
+    assert n_boxes
+    for tool in (*TOOLS, "supervisely", "segments"):
+        export_run(tmp_path / "run", [sequence], tool, tmp_path / tool)
+        clouds = sorted((tmp_path / tool).rglob("*.pcd"))
+        assert len(clouds) == len(sequence)
+        for i, path in enumerate(clouds):
+            columns = read_columns(path, "pcd")
+            assert len(columns["x"]) == int(np.isfinite(sequence[i].points).all(axis=1).sum())
+            assert all(np.isfinite(columns[axis]).all() for axis in "xyz")
+    segmentation = json.loads((tmp_path / "segments" / "segmentation.json").read_text())
+    assert [len(frame["point_annotations"]) for frame in segmentation["frames"]] == [
+        int(np.isfinite(scan.points).all(axis=1).sum()) for scan in sequence
+    ]
+    for tool, corrected in (("cvat", "cvat/annotations.zip"), ("sustech", "sustech")):
+        merged = merge(run, tmp_path / corrected, tmp_path / f"merged_{tool}")
+        assert dict(merged.boxes) == {"unchanged": n_boxes}
+        assert merged.scans == 0
+        after = [
+            np.fromfile(p, np.uint32) & 0xFFFF
+            for p in sorted((tmp_path / f"merged_{tool}" / "predictions").glob("*.label"))
+        ]
+        assert all(map(np.array_equal, before, after))

@@ -12,6 +12,7 @@ from typing import Annotated, NoReturn
 import typer
 from rich.text import Text
 
+from automos.cli.check import check_app
 from automos.cli.compare import compare_app
 from automos.cli.consoles import console, output, set_up_logging
 from automos.cli.formats import formats_app
@@ -34,7 +35,7 @@ app = typer.Typer(
     rich_markup_mode="rich",
     help="Automatic moving/static labels for every point of a LiDAR recording.",
 )
-for group in (label_app, score_app, formats_app, look_app, compare_app, network_app, live_app, worlds_app):
+for group in (label_app, check_app, score_app, formats_app, look_app, compare_app, network_app, live_app, worlds_app):
     for command in group.registered_commands:
         command.callback = command.callback and on_this_machine(command.callback)
     app.add_typer(group)

@@ -53,7 +53,7 @@ def live(
     from automos.compiling import LINE, is_cold
     from automos.core.errors import InputError
     from automos.live.opening import open_feed
-    from automos.live.run import get_ready, run_live
+    from automos.live.run import run_live
     from automos.live.segment import results_writer
     from automos.settings import load_settings, read_overrides
 
@@ -72,8 +72,8 @@ def live(
             writer = stack.enter_context(results_writer(out, names, chosen, feed.recording))
             sinks.insert(0, lambda scan, given: writer.write(given))
         console.print(LINE if is_cold() else "getting ready", markup=False)
-        get_ready(automos.Labeler(chosen, lag=lag))
         labeler = automos.Labeler(chosen, lag=lag, is_compensated=feed.is_compensated)
+        labeler.warm_up()
         tally = run_live(feed, labeler, sinks, names, _Line(feed.name))
         if out is not None:
             writer.finish(_about(feed, tally, lag))

@@ -13,7 +13,14 @@ import typer
 from automos.core.errors import InputError
 
 Recording = Annotated[Path, typer.Argument(help="a folder of scans, a data set, a bag: see automos formats")]
-Format = Annotated[str | None, typer.Option("--format", help="the recording's format, if it is not recognised")]
+Format = Annotated[
+    str | None,
+    typer.Option(
+        "--format",
+        "--columns",
+        help="the recording's format, or the columns of files without names: x,y,z,intensity,ring,time",
+    ),
+]
 Preset = Annotated[str, typer.Option(help="paper: as in the paper; default: the best labels")]
 SettingsFile = Annotated[Path | None, typer.Option("--settings", help="YAML file of settings that differ")]
 Overrides = Annotated[

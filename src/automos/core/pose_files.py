@@ -1,8 +1,9 @@
 """Read pose files: KITTI (12 or 16 numbers per line) and TUM (8 numbers per line).
 
-The result is `T_world_sensor`, with the world in the first scan's sensor frame. Poses of another body (KITTI's are the
-left camera's) are transformed to the sensor with the calibration between the two. A file that cannot be matched with
-the scans without doubt is an error: poses shifted by one scan look almost right and ruin labels.
+The result is `T_world_sensor`, with the world in the first scan's sensor frame unless the file's own is asked for.
+Poses of another body (KITTI's are the left camera's) are transformed to the sensor with the calibration between the
+two. A file that cannot be matched with the scans without doubt is an error: poses shifted by one scan look almost right
+and ruin labels.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ def read_poses(
     stamps: npt.ArrayLike | None = None,
     T_camera_sensor: npt.ArrayLike | None = None,
     names: Sequence[str] | None = None,
+    in_world: bool = False,
 ) -> Pose:
     """Return the poses of `n_scans` scans from a KITTI or TUM file, distinguished by their number of columns.
 
@@ -49,11 +51,13 @@ def read_poses(
     names : sequence of str, optional
         Name of each scan. In a KITTI file with more lines than scans (part of a drive), names that are numbers select
         the lines.
+    in_world : bool
+        Keep the file's own world, instead of that in which the first pose is the identity.
 
     Returns
     -------
     (n_scans, 4, 4) float64
-        T_world_sensor in metres; the first is the identity.
+        T_world_sensor in metres.
 
     Raises
     ------
@@ -74,7 +78,8 @@ def read_poses(
         )
     if not (np.abs(T_world_body[:, :3, 3]) < FARTHEST).all():
         raise InputError(f"{path} has a pose that is not on Earth (further than {FARTHEST:.0e} m from its origin)")
-    return _relative_to_first(T_world_body, T_camera_sensor)
+    T = T_world_body if T_camera_sensor is None else T_world_body @ np.asarray(T_camera_sensor, np.float64)
+    return T if in_world else inverse(T[0]) @ T
 
 
 def read_calib(path: str | Path) -> Pose:
@@ -167,14 +172,6 @@ def _from_quaternions(rows: npt.NDArray[np.float64], line_numbers: npt.NDArray[n
     T = np.tile(np.eye(4), (len(rows), 1, 1))
     T[:, :3, :3] = Rotation.from_quat(rows[:, 4:]).as_matrix()
     T[:, :3, 3] = rows[:, 1:4]
-    return T
-
-
-def _relative_to_first(T_world_body: Pose, T_body_sensor: npt.ArrayLike | None) -> Pose:
-    """Return T_sensor0_sensor; SemanticKITTI's Tr^-1 P_0^-1 P_i Tr."""
-    T = inverse(T_world_body[0]) @ T_world_body
-    if T_body_sensor is not None:
-        T = inverse(T_body_sensor) @ T @ np.asarray(T_body_sensor, np.float64)
     return T
 
 

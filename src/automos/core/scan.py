@@ -196,6 +196,11 @@ class Sequence:
         return None
 
     @property
+    def about(self) -> dict[str, str]:
+        """What is known of how it was recorded, in words: `files`, `times` (where stamps are from), `frame`."""
+        return {}
+
+    @property
     def is_compensated(self) -> bool | None:
         """Whether scans are already motion-compensated; None if the format does not say."""
         return None

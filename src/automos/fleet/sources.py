@@ -16,9 +16,10 @@ from automos.fleet.storage import Store, is_url, shown
 from automos.readers import LeftOutError, NoRecordingError, find_recordings, open_sequence
 from automos.readers.codecs import CODEC_OF_SUFFIX
 from automos.readers.files import natural_key
+from automos.readers.pcap import CAPTURES
 
 _LISTS = {".txt", ".list"}
-_LOGS = {".bag", ".mcap", ".pcap"}
+_LOGS = {".bag", ".mcap", *CAPTURES}
 _TEXT = {".txt", ".csv"}
 _COMMENT = re.compile(r"(?:^|\s)#")
 """Begins a comment; within a word it is part of a name, as of drive#2."""
@@ -163,7 +164,7 @@ def _in_store(url: str) -> list[str]:
         path = PurePosixPath(entry.path)
         folders = path.parts[:-1]
         suffix = path.suffix.lower()
-        if suffix == ".pcap":  # its description lies beside it
+        if suffix in CAPTURES:  # its description lies beside it
             found["/".join(folders)] = None
         elif suffix in _LOGS:
             found[entry.path] = None

@@ -158,18 +158,6 @@ def _unbroken(is_end: bool = False) -> Iterator[None]:
         before(pressed[0], None)
 
 
-def get_ready(labeler: Labeler, n_scans: int = 16) -> None:
-    """Label a small made-up recording with a labeler of its own, so that no kernel is compiled or loaded later.
-
-    That takes seconds, on the first run more than a minute: too long for the first scan of a sensor.
-    """
-    from automos.compiling import made_up_sweep
-
-    for i in range(n_scans):
-        labeler.push(Scan(made_up_sweep(0.1 * i).astype(np.float32), stamp=0.1 * i))
-    labeler.finish()
-
-
 class _Watch:
     """Says when scans are left out, not more often than every few seconds."""
 

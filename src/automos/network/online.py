@@ -24,9 +24,9 @@ from automos.network.deployed import Deployed
 from automos.network.images import SensorView, Window, make_image
 from automos.network.recordings import measure_view
 from automos.network.residuals import SPACING, pick_past
+from automos.odometry.causal import Moved, Odometry
 from automos.odometry.compensation import frame_of
 from automos.odometry.sweep_timing import SweepTiming
-from automos.online.odometry import CausalOdometry, Moved
 from automos.settings import Settings
 
 STAGES = ("odometry", "image", "network", "clean-up")
@@ -53,7 +53,7 @@ class OnlineSegmenter:
     ):
         """Take the network, and how the sensor's sweeps are timed where that is known (else it is found out)."""
         self._network = network
-        self._odometry = CausalOdometry(settings.odometry, ThreadPoolExecutor(1), timing, is_compensated)
+        self._odometry = Odometry(settings.odometry, ThreadPoolExecutor(1), timing, is_compensated)
         self._view: SensorView | None = None
         self._past: deque[tuple[Points, Pose, float]] = deque()  # thinned points, T_world_sensor, stamp
         self.T_world_sensor: Pose = np.eye(4)
@@ -67,7 +67,7 @@ class OnlineSegmenter:
     def segment(self, scan: Scan) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
         """Return the label (N,) uint8 and the probability of moving (N,) float32 of each point."""
         with self._timed("odometry"):
-            moved = self._odometry.step(scan)
+            moved = self._odometry.push(scan)
             if moved.T_before_now is not None:
                 self._T_world_path = self._T_world_path @ moved.T_before_now
             self.T_world_sensor = self._T_world_path @ moved.posed.T_world_sensor

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -96,7 +97,7 @@ class Consistency(NamedTuple):
 
 def choose_links(window: Window, about: Alignment) -> Iterator[tuple[int, int]]:
     """Yield (scan, middle scan of a submap): for each lag, the nearest submaps before and after."""
-    half, every = _half_width(window, about), max(round(about.submap_every / window.period), 1)
+    half, every = half_width(window, about), max(round(about.submap_every / window.period), 1)
     n = len(window)
     centers = np.arange(min(half, n - 1), max(n - half, min(half, n - 1) + 1), every)
     position = window.T_world_sensor[:, :3, 3]
@@ -113,24 +114,35 @@ def choose_links(window: Window, about: Alignment) -> Iterator[tuple[int, int]]:
         yield from ((i, center) for center in sorted(chosen))
 
 
-def _half_width(window: Window, about: Alignment) -> int:
+def half_width(window: Window, about: Alignment) -> int:
     """Return the number of scans on either side of a submap's middle scan."""
     return min(int(about.submap_length / window.period / 2.0), max(len(window) - 2, 0) // 3)
 
 
+def submap_around(window: Window, center: int, half: int) -> Submap:
+    """Return the submap of scan `center` and `half` scans on either side of it."""
+    around = slice(max(center - half, 0), center + half + 1)
+    return make_submap(window.surfels[around], inverse(window.T_world_sensor[center]) @ window.T_world_sensor[around])
+
+
 def fit_links(
-    window: Window, links: list[tuple[int, int]], kernel: float, about: Alignment, pool: ThreadPoolExecutor | None
+    window: Window,
+    links: list[tuple[int, int]],
+    kernel: float,
+    about: Alignment,
+    pool: ThreadPoolExecutor | None,
+    submaps: Mapping[int, Submap] | None = None,
 ) -> tuple[list[Fit], Consistency]:
-    """Return the fit of each of `links` (from `choose_links`), and their consistency."""
-    T, clock, half = window.T_world_sensor, window.clock, _half_width(window, about)
+    """Return the fit of each of `links` (from `choose_links`), and their consistency.
+
+    submaps : optional, those of the links' middle scans; made of the window if not given.
+    """
+    T, clock = window.T_world_sensor, window.clock
     each: Callable = map if pool is None else pool.map
-
-    def make(center: int) -> Submap:
-        around = slice(max(center - half, 0), center + half + 1)
-        return make_submap(window.surfels[around], inverse(T[center]) @ T[around])
-
-    centers = sorted({center for _, center in links})
-    submaps = dict(zip(centers, each(make, centers), strict=True))
+    if submaps is None:
+        make = partial(submap_around, window, half=half_width(window, about))
+        centers = sorted({center for _, center in links})
+        submaps = dict(zip(centers, each(make, centers), strict=True))
     ids = np.array(links, int).reshape(-1, 2)
     T_center_scan = inverse(T[ids[:, 1]]) @ T[ids[:, 0]]
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from automos.core.geometry import Array, adjoint, inverse, se3_exp, se3_log
 from automos.core.normal_equations import FIXED, NormalEquations
-from automos.core.scan import Mask, Pose
+from automos.core.scan import Pose
 from automos.odometry.clock import Clock
 from automos.odometry.links import MIN_MATCHED, Alignment, Consistency, Window, choose_links, fit_links
 from automos.odometry.missing_scans import count_missing, with_gaps
@@ -45,14 +45,22 @@ def refine_poses(
     links = list(choose_links(window, about))
     for kernel in about.kernels:
         fits, consistency = fit_links(window, links, kernel, about, pool)
-        equations = NormalEquations(np.where(np.arange(len(window)) < n_fixed, FIXED, LOOSE))
-        _add_links(equations, links, fits, window.T_world_sensor)
-        _add_even_motion(equations, window, settings)
-        steps = equations.solve()
-        window = window.moved(window.T_world_sensor @ se3_exp(steps))
-        if np.abs(steps[:, :3]).max() < CONVERGED:
+        window, moved = solve_links(window, links, fits, settings, n_fixed)
+        if moved < CONVERGED:
             break
     return window, consistency
+
+
+def solve_links(
+    window: Window, links: list[tuple[int, int]], fits: list[Fit], settings: OdometrySettings, n_fixed: int = 1
+) -> tuple[Window, float]:
+    """Return the scans at the poses that the `fits` of `links` and even motion favour, and the greatest change (m)."""
+    equations = NormalEquations(np.where(np.arange(len(window)) < n_fixed, FIXED, LOOSE))
+    _add_links(equations, links, fits, window.T_world_sensor)
+    _add_even_motion(equations, window, settings)
+    steps = equations.solve()
+    steps[:n_fixed] = 0.0  # not the last digit
+    return window.moved(window.T_world_sensor @ se3_exp(steps)), float(np.abs(steps[:, :3]).max())
 
 
 def _add_links(equations: NormalEquations, links: list[tuple[int, int]], fits: list[Fit], T: Pose) -> None:
@@ -80,6 +88,49 @@ def _add_even_motion(equations: NormalEquations, window: Window, settings: Odome
     of_middle = -back[1:] * per_gap[1:] - np.eye(6) * per_gap[:-1]
     parts = [(first, back[:-1] * per_gap[:-1]), (first + 1, of_middle), (first + 2, np.eye(6) * per_gap[1:])]
     equations.add(parts, information, information * change)
+
+
+def n_fixed_of(n_known: int) -> int:
+    """Return how many of the first `n_known` scans, which were refined before, keep their poses."""
+    return max(n_known // 2, 1)
+
+
+def at_likely_speed(
+    registered: Window, settings: OdometrySettings, pool: ThreadPoolExecutor | None, n_known: int = 0
+) -> tuple[Window, SpeedSearch]:
+    """Return the window at the speed that surfaces along the path or landmarks favour, and the last search.
+
+    The steps between the first `n_known` scans stay as they are.
+    """
+
+    def free(missing: Array) -> Array:
+        is_free = np.arange(len(missing)) >= n_known - 1
+        return np.where(is_free[:, None], missing, 0.0)
+
+    def longer(window: Window, missing: Array) -> Window:
+        moved = window.moved(lengthen(window.T_world_sensor, missing))
+        return refine_poses(moved, settings, Alignment(), pool, n_fixed_of(n_known))[0]
+
+    def settled(window: Window, search: SpeedSearch) -> tuple[Window, SpeedSearch]:
+        """Return the window at the speed to which the `search` from its poses leads, and the last search."""
+        for _ in range(SPEED_ROUNDS - 1):
+            if not (missing := free(search.missing)).any():
+                break
+            window = longer(window, missing)
+            search = search_speed(window, settings, pool)
+        return window, search
+
+    first = search_speed(registered, settings, pool)
+    window, search = settled(registered, first)
+    # What landmarks alone propose, from the poses as registered and from those that all surfaces have led to.
+    for rival, start in ((first, registered), (search, window)):
+        is_possible = can_be_driven(window.T_world_sensor, window.clock)
+        if is_ahead(rival.landmarks_at_rival, search.landmarks, is_possible):
+            other = longer(start, free(rival.rival))
+            other, found = settled(other, search_speed(other, settings, pool))
+            if is_ahead(found.landmarks, search.landmarks, is_possible):
+                window, search = other, found
+    return window, search
 
 
 class RollingRefinement:
@@ -125,53 +176,16 @@ class RollingRefinement:
         gaps, poses = np.array(self._gaps[1:]), np.array(self._poses)
         window = Window(surfels, np.array(self._twists), poses, gaps, self._clock.period, self._share)
         if not self._clock.has_stamps:
-            counted = np.where(self._is_free(gaps), count_missing(window, self._settings, self._pool), gaps)
+            is_free = np.arange(len(gaps)) >= self._n_known - 1
+            counted = np.where(is_free, count_missing(window, self._settings, self._pool), gaps)
             window = window if (counted == gaps).all() else with_gaps(window, counted)
-        window, search = self._at_likely_speed(window)
+        window, search = at_likely_speed(window, self._settings, self._pool, self._n_known)
         self.searches.append(search)
-        window, consistency = self._refined(window)
+        n_fixed = n_fixed_of(self._n_known)
+        window, consistency = refine_poses(window, self._settings, Alignment(), self._pool, n_fixed)
         self._consistency.append(consistency)
         self._surfels, self._twists, self._gaps[1:] = list(window.surfels), list(window.twists), window.gaps.tolist()
         self._poses = list(window.T_world_sensor)
-
-    def _at_likely_speed(self, registered: Window) -> tuple[Window, SpeedSearch]:
-        """Return the window at the speed that surfaces along the path or landmarks favour, and the last search."""
-        first = search_speed(registered, self._settings, self._pool)
-        window, search = self._settle_speed(registered, first)
-        # What landmarks alone propose, from the poses as registered and from those that all surfaces have led to.
-        for rival, start in ((first, registered), (search, window)):
-            is_possible = can_be_driven(window.T_world_sensor, window.clock)
-            if is_ahead(rival.landmarks_at_rival, search.landmarks, is_possible):
-                other = self._at_longer_steps(start, self._free(rival.rival))
-                other, found = self._settle_speed(other, search_speed(other, self._settings, self._pool))
-                if is_ahead(found.landmarks, search.landmarks, is_possible):
-                    window, search = other, found
-        return window, search
-
-    def _settle_speed(self, window: Window, search: SpeedSearch) -> tuple[Window, SpeedSearch]:
-        """Return the window at the speed to which the `search` from its poses leads, and the last search."""
-        for _ in range(SPEED_ROUNDS - 1):
-            if not (missing := self._free(search.missing)).any():
-                break
-            window = self._at_longer_steps(window, missing)
-            search = search_speed(window, self._settings, self._pool)
-        return window, search
-
-    def _is_free(self, steps: Array) -> Mask:
-        """Return (N - 1,) which of the `steps` were not refined before."""
-        return np.arange(len(steps)) >= self._n_known - 1
-
-    def _free(self, missing: Array) -> Array:
-        """Return (N - 1, 3) `missing` metres, zero for steps that were refined before."""
-        return np.where(self._is_free(missing)[:, None], missing, 0.0)
-
-    def _at_longer_steps(self, window: Window, missing: Array) -> Window:
-        """Return the window with `missing` (N - 1, 3) metres added to its steps, refined."""
-        return self._refined(window.moved(lengthen(window.T_world_sensor, missing)))[0]
-
-    def _refined(self, window: Window) -> tuple[Window, Consistency]:
-        n_fixed = max(self._n_known // 2, 1)
-        return refine_poses(window, self._settings, Alignment(), self._pool, n_fixed)
 
     def _keep_last(self, n: int) -> None:
         done = len(self._poses) - n

@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.geometry import inverse
 from automos.core.scan import Pose
 from automos.evidence.free_space import SPAN_TOLERANCE, ask, partners_of
 from automos.evidence.observations import Seen, View
@@ -21,6 +22,7 @@ class _PastScan:
     stamp: float
     is_far: bool
     seen: Seen
+    T_level_sensor: Pose
 
 
 class EvidenceWindow:
@@ -34,17 +36,24 @@ class EvidenceWindow:
     def __len__(self) -> int:
         return len(self._scans)
 
-    def add(self, stamp: float, seen: Seen) -> None:
-        """Store the observations of the scan at `stamp`, which is later than all others."""
+    def add(self, stamp: float, seen: Seen, T_level_sensor: Pose) -> None:
+        """Store the observations of the scan at `stamp`, later than all others, and its (4, 4) pose."""
         step = self._settings.far_step
         is_far = not self._scans or np.floor(stamp / step) > np.floor(self._scans[-1].stamp / step)
-        self._scans.append(_PastScan(stamp, is_far, seen))
+        self._scans.append(_PastScan(stamp, is_far, seen, T_level_sensor))
 
-    def renew(self, seen: dict[float, Seen], T_after_before: Pose) -> None:
-        """Replace the observations of some scans, by stamp, and move those of all by (4, 4) `T_after_before`."""
+    def renew(self, seen: dict[float, tuple[Seen, Pose]], T_after_before: Pose) -> None:
+        """Replace observations and poses of some scans, by stamp, and move those of all by (4, 4) `T_after_before`."""
         for scan in self._scans:
-            known = seen.get(scan.stamp, scan.seen)
+            known, T = seen.get(scan.stamp, (scan.seen, scan.T_level_sensor))
             scan.seen = (known if len(scan.seen.kind) else as_partner(known)).moved(T_after_before)
+            scan.T_level_sensor = T_after_before @ T
+
+    def place(self, poses: dict[float, Pose]) -> None:
+        """Move the scans of which `poses` gives a refined (4, 4) T_level_sensor, by stamp."""
+        for scan in self._scans:
+            if (T := poses.get(scan.stamp)) is not None:
+                scan.seen, scan.T_level_sensor = scan.seen.moved(T @ inverse(scan.T_level_sensor)), T
 
     def comparison(self, stamp: float, mine: Seen) -> Callable[[ThreadPoolExecutor | None], npt.NDArray[np.float32]]:
         """Return a function that compares the scan at `stamp`, with observations `mine`, with all scans held now.

@@ -24,12 +24,12 @@ from automos.settings import TrackingSettings
 
 MEMORY = 8.0
 """Seconds of a track on which its verdict is based; as many as the lag if that is longer."""
-PAST_ALONE = 1.0
-"""Added log-odds of moving if only past scans were compared: later ones would reveal more of a mover's points. On
-simulated worlds, four in five objects with a probability of 0.6 to 0.8 without it move."""
-TOO_FEW = -2.0
+TOO_FEW = -1.0
 """Added log-odds of moving per scan short of `FEW`: a single one would decide, and its pose may soon be corrected."""
 FEW = 3
+RECENT = 1.0
+"""Seconds on which a track that was seen before them is judged, too: what stood and sets off moves, however long it
+stood."""
 
 
 @dataclass(frozen=True)
@@ -42,20 +42,15 @@ class Comparisons:
         Their number.
     is_far : bool
         Whether some are a second or more away.
-    is_past : bool
-        Whether all are earlier.
     """
 
     n: int
     is_far: bool
-    is_past: bool
 
     @property
     def shift(self) -> float:
         """Log-odds to add to those of moving."""
-        if self.n < FEW:
-            return TOO_FEW * (FEW - self.n)
-        return PAST_ALONE if self.is_past and self.is_far else 0.0
+        return TOO_FEW * max(FEW - self.n, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,9 +127,7 @@ class Following:
         is_followed = can_follow(stamps)
         tracks, numbers = _through(steps, scan)
         detections = [step.found for step in steps]
-        shifts = np.array([step.shift for step in steps])
-        verdicts = judge_tracks(tracks, [step.terms for step in steps], stamps, shifts)
-        verdicts = self._with_memory(verdicts, numbers)
+        verdicts = self._with_memory(self._judged(tracks, steps, stamps, stamps > stamp - RECENT), numbers)
         begins = np.full(len(numbers), len(steps))
         # Rows of a track are in the order of scans: assigned backwards, the first one remains.
         begins[tracks.track[::-1]] = tracks.scan[::-1]
@@ -145,6 +138,21 @@ class Following:
         rows = np.flatnonzero((tracks.scan == scan) & kept[tracks.track])
         smooth = moving_now(_smooth(tracks, verdicts.is_moving, detections, stamps), verdicts, stamps)
         return Followed(smooth[rows], verdicts, numbers, is_followed)
+
+    def _judged(
+        self, tracks: Tracks, steps: list[_Step], stamps: npt.NDArray[np.float64], is_recent: npt.NDArray[np.bool_]
+    ) -> Verdicts:
+        """Return the verdicts on the tracks, moving for those that have moved in their life or in the last second."""
+        terms, shifts = [step.terms for step in steps], np.array([step.shift for step in steps])
+        of_life = judge_tracks(tracks, terms, stamps, shifts)
+        late = is_recent[tracks.scan]
+        n_seen = [np.bincount(tracks.track, part & tracks.is_observed, len(tracks)) for part in (late, ~late)]
+        lately = judge_tracks(tracks[np.flatnonzero(late)], terms, stamps, shifts)
+        sets_off = lately.is_moving & (np.minimum(*n_seen) >= FEW) & ~of_life.is_moving
+        return Verdicts(
+            np.where(sets_off, lately.verdict, of_life.verdict),
+            np.where(sets_off, lately.confidence, of_life.confidence),
+        )
 
     def _with_memory(self, verdicts: Verdicts, numbers: npt.NDArray[np.int64]) -> Verdicts:
         """Return the verdicts, moving for tracks that have moved before."""

@@ -16,7 +16,7 @@ from automos.core.beam_pattern import Lidar, is_known, learn_pattern
 from automos.core.scan import Frame, Pose
 from automos.evidence.ego_body import MIN_SCANS
 from automos.evidence.observations import learn_lidars, with_body
-from automos.online.background import BackgroundTask
+from automos.odometry.background import BackgroundTask
 from automos.settings import CandidatesSettings
 
 PATTERN_POINTS = 1000

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections import deque
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from automos.core.beam_pattern import Lidar, ray_steps
+from automos.core.geometry import inverse
 from automos.core.scan import Frame, Pose, Scan
 from automos.core.workspace import Arrays
 from automos.evidence.observations import Seen
@@ -122,12 +123,13 @@ class Segmenting:
         sighted = self._sightings.step(scan)
         self._start = min(self._start, sighted.stamp)
         self._renew(sighted)
+        self._place(sighted.refined)
         renewed += self._update_doubted()
         held = _Held(number, sighted.stamp, sighted.frame, sighted.seen)
         self._held.append(held)
         self._lidars = sighted.lidars
         if held.seen is not None:
-            self._window.add(held.stamp, held.seen)
+            self._window.add(held.stamp, held.seen, held.frame.T_level_sensor)
         self._find_segments(held)
         return self._release(held.stamp, renewed)
 
@@ -148,12 +150,21 @@ class Segmenting:
                 held.frame, held.seen = frames[held.stamp]
         self._doubted = deque(self._growing)
 
+    def _place(self, poses: dict[float, Pose]) -> None:
+        """Move the last scans to their refined poses."""
+        self._window.place(poses)
+        for held in (*self._held, *self._growing):
+            if (T := poses.get(held.stamp)) is not None:
+                change = T @ inverse(held.frame.T_level_sensor)
+                held.frame = replace(held.frame, T_level_sensor=T)
+                held.seen = None if held.seen is None else held.seen.moved(change)
+
     def _update_grown(self, now: float | None) -> list[Future[Found]]:
         """Update the evidence of earlier scans in the background."""
         renewed = []
         while self._growing and now is not None and self._growing[0].stamp <= now - GROWN:
             held = self._growing.popleft()
-            renewed += self._start_update(held, Comparisons(len(self._window), is_far=True, is_past=False))
+            renewed += self._start_update(held, Comparisons(len(self._window), is_far=True))
         return renewed
 
     def _update_doubted(self) -> list[Future[Found]]:
@@ -163,7 +174,7 @@ class Segmenting:
         doubted = [self._doubted.popleft() for _ in range(min(AGAIN, len(self._doubted)))]
         for held in few or doubted:
             held.n_compared = n
-            renewed += self._start_update(held, Comparisons(n, self._is_far(held), is_past=True))
+            renewed += self._start_update(held, Comparisons(n, self._is_far(held)))
         return renewed
 
     def _start_update(self, held: _Held, compared: Comparisons) -> list[Future[Found]]:
@@ -212,5 +223,5 @@ class Segmenting:
             return []
         if self._settle < GROWN:
             self._growing.append(held)
-        compared = Comparisons(held.n_compared, self._is_far(held), is_past=self._settle == 0.0)
+        compared = Comparisons(held.n_compared, self._is_far(held))
         return [(held.stamp, held.detections, compared)]

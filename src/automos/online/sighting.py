@@ -11,12 +11,12 @@ from automos.core.beam_pattern import Lidar
 from automos.core.geometry import inverse, make_transform
 from automos.core.scan import Frame, Pose, Scan
 from automos.evidence.observations import Seen, look
+from automos.odometry.causal import Odometry
 from automos.odometry.compensation import frame_of
+from automos.odometry.fixed_lag import Posed
 from automos.odometry.motion import usable_points
 from automos.odometry.vertical import level_frame
 from automos.online.lidars import LidarLearner
-from automos.online.odometry import CausalOdometry
-from automos.online.path import Posed
 from automos.settings import Settings
 
 
@@ -34,6 +34,8 @@ class Sighting:
         Its observations; None until the sensor's beams are known.
     lidars : list of Lidar
         Current models of the sensors.
+    refined : dict[float, (4, 4) float64]
+        T_level_sensor of the last scans, by stamp, as refined with this one.
     again : tuple of Frame
         Earlier scans on the path that will replace the current one, in the level frame before the replacement.
     T_after_before : (4, 4) float64, optional
@@ -45,6 +47,7 @@ class Sighting:
     frame: Frame
     seen: Seen | None
     lidars: list[Lidar]
+    refined: dict[float, Pose]
     again: tuple[Frame, ...]
     T_after_before: Pose | None
 
@@ -58,14 +61,14 @@ class Sightings:
         """Take a thread pool, and the last pose of the stream that this one continues."""
         self.T_level_sensor: Pose = np.eye(4) if T_world_first is None else T_world_first
         self._settings = settings
-        self._odometry = CausalOdometry(settings.odometry, pool, None, is_compensated)
+        self._odometry = Odometry(settings.odometry, pool, None, is_compensated)
         self._learner = LidarLearner(settings.candidates)
         self._T_level_world = self.T_level_sensor
         self._is_level = False
 
     def step(self, scan: Scan) -> Sighting:
         """Return the sighting of the next scan."""
-        moved = self._odometry.step(scan)
+        moved = self._odometry.push(scan)
         again = tuple(self._frame(timed.scan, posed, timed.stamp) for timed, posed in moved.again)
         T_after_before = None
         if moved.T_before_now is not None:
@@ -79,7 +82,8 @@ class Sightings:
         self._learner.add(frame)
         lidars = self._learner.lidars
         seen = look(frame, lidars, self._settings.candidates.ground) if lidars else None
-        return Sighting(moved.stamp, frame, seen, lidars, again, T_after_before)
+        refined = {stamp: self._T_level_world @ T for stamp, T in moved.refined.items()}
+        return Sighting(moved.stamp, frame, seen, lidars, refined, again, T_after_before)
 
     def _frame(self, scan: Scan, posed: Posed, stamp: float) -> Frame:
         """Return the valid points of `scan`, compensated for the motion during its sweep."""

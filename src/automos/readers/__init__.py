@@ -22,6 +22,7 @@ from automos.readers.codecs import CODECS
 from automos.readers.files import is_text
 from automos.readers.foreign import limited
 from automos.readers.formats import Format
+from automos.readers.layouts import LAYOUTS, is_columns, parse_columns
 
 
 class NoRecordingError(InputError):
@@ -53,7 +54,8 @@ def open_sequence(path: str | Path, format: str | None = None) -> Sequence:
     path : str or Path
         A recording, or the root of a data set that holds only one.
     format : str, optional
-        Layout (one of `FORMATS`) or codec of the point files (one of `CODECS`). Guessed if not given.
+        Layout (one of `FORMATS`), codec of the point files (one of `CODECS`), or their columns, as
+        `x,y,z,intensity`, where they do not name them. Guessed if not given.
 
     Returns
     -------
@@ -87,6 +89,11 @@ def find_recordings(path: str | Path, format: str | None = None) -> list[Path]:
     Parameters and errors are those of `open_sequence`.
     """
     return [one.path for one in _find(given_path(path, "a recording"), format)]
+
+
+def kind_of(path: str | Path, format: str | None = None) -> str:
+    """Return what the recording at `path` is of: a data set, or a kind of log; errors are those of `open_sequence`."""
+    return _find(given_path(path, "a recording"), format)[0].reader.layout.partition(":")[0].partition(";")[0]
 
 
 def open_recordings(path: str | Path, format: str | None = None) -> list[Sequence]:
@@ -194,7 +201,9 @@ def _resolve(format: str | None) -> tuple[Iterable[str], str | None]:
         return FORMATS, None
     if format in FORMATS:
         return [format], None
-    if format in CODECS:
+    if is_columns(format):
+        parse_columns(format)
+    if is_columns(format) or format in CODECS or format in LAYOUTS:
         return FORMATS, format
     known = [*FORMATS, *CODECS]
     near = difflib.get_close_matches(format.lower(), known, n=1, cutoff=0.0)
@@ -202,7 +211,11 @@ def _resolve(format: str | None) -> tuple[Iterable[str], str | None]:
 
 
 def _nothing_found(path: Path, format: str | None) -> str:
+    from automos.readers.other_files import first_known
+
     if path.is_file():
+        if known := first_known([path]):
+            return known
         if format in FORMATS:
             return f"{path} is not a recording of format {format!r} ({load_format(format).layout}); leave --format out"
         return f"{path} is a file; give the folder that holds the scans"
@@ -211,6 +224,8 @@ def _nothing_found(path: Path, format: str | None) -> str:
     entries = sorted(p for p in path.iterdir() if not p.name.startswith("."))
     if not entries:
         return f"{path} is empty; give a folder that holds scans"
+    if known := first_known(entries):
+        return known
     inner = [p for p in entries if p.is_dir() and holds_point_files(p)]
     if inner:
         return (

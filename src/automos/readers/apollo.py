@@ -36,7 +36,7 @@ class ApolloSequence(FolderSequence):
 
     def __init__(self, source: Path):
         """List the scans of the run in folder `source`."""
-        super().__init__(source, _SCANS, "pcd")
+        super().__init__(source, "pcd", _SCANS)
 
     def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64] | None:
         try:

@@ -6,20 +6,32 @@ or not what its name says (a ring that is not a whole number) becomes None rathe
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
-from automos.core.scan import MAX_RANGE, Points, Scan
+from automos.core.geometry import inverse, transform
+from automos.core.scan import MAX_RANGE, Points, Pose, Scan
 
 Columns = dict[str, npt.NDArray]
 
-_INTENSITY = ("intensity", "i", "reflectivity", "reflectance", "remission")
-_TIME = ("t", "time", "timestamp", "offset_time", "time_offset", "offset_ns", "timestamps", "time_stamp")
+_INTENSITY = ("intensity", "i", "reflectivity", "reflectance", "remission", "signal_photons", "signal")
+_TIME = (
+    "t", "time", "timestamp", "offset_time", "time_offset", "offset_ns", "timestamps", "time_stamp", "raw_timestamp",
+    "point_time", "time_us", "time_ns", "timestamp_ns", "timestamp_us", "gps_time", "gpstime", "adjustedtime",
+)  # fmt: skip
 _SENSOR = ("sensor", "lidar", "lidar_id", "sensor_id")
-_RING = ("ring", "line", "channel", "laser_id", "laser_number", "beam")
+_RING = ("ring", "line", "channel", "laser_id", "laser_number", "beam", "ring_id", "beam_id", "channel_id", "laser")
+_AROUND_AXES = {"point", "points", "pos", "position", "coord", "coords", "coordinate", "coordinates", "xyz", "m"}
+_UNIT = re.compile(r"[(\[{][^()\[\]{}]*[)\]}]\s*$")
+"""What stands behind a name in brackets."""
+
+UNNAMED = ("x", "y", "z", "intensity", "ring")
+"""Columns of arrays and tables that do not name them."""
 
 MAX_COLUMNS = 100
 """Numbers a point may have: a wider array has its points side by side."""
@@ -41,6 +53,7 @@ def to_scan(
     stamp: float | None = None,
     time_unit: float | None = None,
     unit: float = 1.0,
+    T_file_sensor: Pose | None = None,
 ) -> Scan:
     """Return the scan that `columns` hold, in their order.
 
@@ -52,6 +65,7 @@ def to_scan(
     time_unit : seconds per count of the time column, 0 where it is not to be used; none: found from the span of this
         scan's times.
     unit : metres per unit of the coordinates.
+    T_file_sensor : (4, 4) where the sensor was in the frame of the coordinates; none: that is its own.
 
     Raises
     ------
@@ -59,10 +73,12 @@ def to_scan(
         If x, y or z is missing.
     """
     columns = _by_plain_names(columns, path)
-    points = _coordinates(columns, path)
+    points = _coordinates(columns, path, np.float32 if T_file_sensor is None else np.float64)
     columns = _numbers(columns)
     if unit != 1.0:
-        points *= np.float32(unit)
+        points *= points.dtype.type(unit)
+    if T_file_sensor is not None:  # numbers of a map are beyond what float32 holds to the centimetre
+        points = transform(inverse(T_file_sensor), points).astype(np.float32)
     _refuse_map(points, path)
     intensity = _first(columns, _INTENSITY)
     return Scan(
@@ -75,28 +91,40 @@ def to_scan(
     )
 
 
-def coordinates(columns: Columns, path: Path) -> Points:
-    """Return the (N, 3) float32 coordinates among `columns`, in the file's unit; errors are those of `to_scan`."""
-    return _coordinates(_by_plain_names(columns, path), path)
+def coordinates(columns: Columns, path: Path) -> npt.NDArray[np.float64]:
+    """Return the (N, 3) coordinates among `columns`, in the file's unit and frame; errors are those of `to_scan`."""
+    return _coordinates(_by_plain_names(columns, path), path, np.float64)
 
 
 def _by_plain_names(columns: Columns, path: Path) -> Columns:
-    plain = [_plain(key) for key in columns]
+    plain = plain_names(list(columns))
     twice = next((axis for axis in "xyz" if plain.count(axis) > 1), None)
     if twice is not None:
-        both = ", ".join(key for key in columns if _plain(key) == twice)
+        both = ", ".join(key for key, name in zip(columns, plain, strict=True) if name == twice)
         raise InputError(f"{path} has {twice} twice ({both}); export it again with the one that is meant")
     return dict(zip(plain, columns.values(), strict=True))
 
 
-def _coordinates(columns: Columns, path: Path) -> Points:
+def plain_names(names: Sequence[str]) -> list[str]:
+    """Return what columns are called, without case, blanks, units and words around an axis: `Points_m_XYZ:0` is x."""
+    plain = [_plain(name) for name in names]
+    for i, name in enumerate(plain):
+        words = [word for word in name.split("_") if word]
+        left = [word for word in words if word not in _AROUND_AXES]
+        axis = "xyz"["012".index(left[0])] if left in (["0"], ["1"], ["2"]) and left != words else "".join(left)
+        if axis in ("x", "y", "z") and axis not in plain:  # one that is called so alone comes first
+            plain[i] = axis
+    return plain
+
+
+def _coordinates(columns: Columns, path: Path, dtype: type[np.floating]) -> npt.NDArray:
     missing = [axis for axis in "xyz" if axis not in columns]
     if missing:
         raise InputError(f"{path} has no column {', '.join(missing)}; its columns are: {', '.join(columns) or 'none'}")
     stray = next((axis for axis in "xyz" if columns[axis].dtype.kind not in "fiu"), None)
     if stray is not None:
         raise InputError(f"{path} holds {columns[stray].dtype} as {stray}; coordinates are real numbers")
-    points = np.empty((len(columns["x"]), 3), np.float32)
+    points = np.empty((len(columns["x"]), 3), dtype)
     with np.errstate(over="ignore", invalid="ignore"):  # beyond what float32 holds is beyond what any sensor sees
         for i, axis in enumerate("xyz"):
             points[:, i] = columns[axis]
@@ -114,13 +142,22 @@ def _refuse_map(points: Points, path: Path) -> None:
         raise InputError(f"{path} has coordinates of a map ({x:.0f}, {y:.0f}); give sweeps in the sensor's frame")
 
 
-def from_matrix(matrix: npt.NDArray, path: Path) -> Columns:
-    """Return the columns of an unnamed (N, C >= 3) array: x, y, z, intensity, ring; further ones are not used."""
+def from_matrix(matrix: npt.NDArray, path: Path, names: Sequence[str] = UNNAMED) -> Columns:
+    """Return the columns of an array: (N, C >= 3), a row for each of many points; or as an image, (H, W, C).
+
+    `names` are the columns', as many as there are where others than `UNNAMED` are given; further ones are not used.
+    """
+    if matrix.ndim == 3 and matrix.shape[2] <= MAX_COLUMNS:
+        matrix = matrix.reshape(-1, matrix.shape[2])
+    if matrix.ndim == 2 and 3 <= len(matrix) <= 2 * len(UNNAMED) and matrix.shape[1] > MAX_COLUMNS:
+        matrix = matrix.T
     if matrix.ndim != 2 or not 3 <= matrix.shape[1] <= MAX_COLUMNS:
         raise InputError(
             f"{path} holds an array of shape {matrix.shape}; points are (N, 3) or wider: x y z intensity ring"
         )
-    return {name: matrix[:, i] for i, name in enumerate(("x", "y", "z", "intensity", "ring")[: matrix.shape[1]])}
+    if names is not UNNAMED and len(names) != matrix.shape[1]:
+        raise InputError(f"{path} has {matrix.shape[1]} columns, and --columns names {len(names)}: {','.join(names)}")
+    return {name: matrix[:, i] for i, name in enumerate(names[: matrix.shape[1]])}
 
 
 def time_column(columns: Columns) -> npt.NDArray | None:
@@ -134,7 +171,7 @@ def _subtractable(times: npt.NDArray) -> npt.NDArray:
     return times.astype(np.int64, copy=False) if times.dtype.kind == "i" else times
 
 
-def has_time_column(columns: Columns) -> bool:
+def has_time_column(columns: Iterable[str]) -> bool:
     """Return whether any column is named as a time, of use or not."""
     return any(_plain(key) in _TIME for key in columns)
 
@@ -166,7 +203,9 @@ def _numbers(columns: Columns) -> Columns:
 
 
 def _plain(name: str) -> str:
-    return name.lower().removeprefix("scalar_")  # CloudCompare's prefix
+    return (
+        re.sub(r"[^\w]+", "_", _UNIT.sub("", name.lower())).strip("_").removeprefix("scalar_")
+    )  # CloudCompare's prefix
 
 
 def _first(columns: Columns, names: tuple[str, ...]) -> npt.NDArray | None:

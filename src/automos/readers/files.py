@@ -67,7 +67,7 @@ def list_scans(folder: Path, codec: str | None = None) -> tuple[list[str], str, 
         No scan files, or several kinds of them.
     """
     names = _point_files(folder)
-    if codec is not None:
+    if codec is not None and suffix_codec(codec) is not None:
         names = [name for name in names if CODEC_OF_SUFFIX[_suffix(name)] == suffix_codec(codec)]
     elif any(_suffix(name) not in _TEXT for name in names):
         # .txt and .csv beside real point files are notes and tables.

@@ -19,7 +19,7 @@ class Format:
 
     Attributes
     ----------
-    layout : what its recordings look like on disk, in one line.
+    layout : what its recordings look like on disk, in one line; up to a colon or semicolon, what they are.
     truth : where labels to compare with come from; empty where it has none.
     find : returns the recordings of this format at a path, none where it is of another. Needs no optional package.
     open : returns one of them; takes the path and, where `has_codecs`, the codec the user asked for or None.

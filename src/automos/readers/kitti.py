@@ -28,17 +28,12 @@ def find(path: Path) -> list[Path]:
     )
 
 
-def open_recording(path: Path, codec: str | None = None) -> KittiSequence:
-    """Return the recording in folder `path`; `codec` where the kind of its files should not be guessed."""
-    return KittiSequence(path, codec)
-
-
 class KittiSequence(FolderSequence):
     """One sequence in KITTI's layout."""
 
     def __init__(self, source: Path, codec: str | None = None):
         """List the scans in `source / velodyne`; errors are those of a plain folder."""
-        super().__init__(source, _SCANS, codec)
+        super().__init__(source, codec, _SCANS)
 
     def _pose_files(self) -> list[Path]:
         # KITTI itself keeps the poses of sequences/SS in poses/SS.txt of the root.
@@ -47,9 +42,9 @@ class KittiSequence(FolderSequence):
 
 
 FORMAT = Format(
-    layout="KITTI odometry, SemanticKITTI: velodyne/, and where present poses.txt, calib.txt, times.txt",
+    layout="KITTI's layout (odometry, SemanticKITTI): velodyne/, and where present poses.txt, calib.txt, times.txt",
     truth="labels/*.label",
     find=find,
-    open=open_recording,
+    open=KittiSequence,
     has_codecs=True,
 )

@@ -47,7 +47,7 @@ class KittiRawSequence(FolderSequence):
 
     def __init__(self, source: Path):
         """List the scans of the drive in folder `source`; errors are those of a plain folder."""
-        super().__init__(source, str(_SCANS))
+        super().__init__(source, scan_folder=str(_SCANS))
         stray = next((name for name in self._names if not (name.isascii() and name.isdecimal())), None)
         if stray is not None:
             raise InputError(f"{source / _SCANS} has a scan named {stray!r}; a drive's scans are named by their number")

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from automos.core.errors import InputError
 from automos.core.geometry import inverse, transform
 from automos.core.scan import Mask, Pose, Scan, Sequence
+from automos.readers.bag import name_of
 from automos.readers.rosbag_topic import RosbagSequence
 from automos.readers.stamped_poses import from_quaternions
 
@@ -39,7 +40,7 @@ class MergedBagSequence(Sequence):
         if twice is not None:
             raise InputError(f"{self._address} names the topic /{twice} twice; name each topic once")
         self._parts = [RosbagSequence(bag / topic) for topic in topics]
-        self.name = f"{bag.resolve().stem}_{'+'.join(topics).replace('/', '_')}"
+        self.name = f"{name_of(bag)}_{'+'.join(topics).replace('/', '_')}"
         self._mounts = _find_mounts(self._parts, topics)
         self._rows = np.stack([self._rows_of(part) for part in self._parts])
 
@@ -122,8 +123,8 @@ def _find_mounts(parts: list[RosbagSequence], topics: list[str]) -> Pose:
     frames, where = [part.frame_id for part in parts], parts[0].source
     joints: dict[str, list[tuple[str, Pose]]] = {}
     faults = []  # of transforms that may be needed by no LiDAR here
-    latest = {joint[1]: joint for joint in parts[0].static_transforms()}  # sent again, it takes the place of the first
-    for parent, child, translation, xyzw in latest.values():
+    latest = {joint.child: joint for joint in parts[0].mounts()}  # sent again, it takes the place of the first
+    for parent, child, _, translation, xyzw in latest.values():
         try:
             T = from_quaternions(translation, xyzw, where / "tf_static" / child)[0]
         except InputError as fault:

@@ -1,24 +1,32 @@
-"""NumPy files: an (N, 3 or more) array, or a structured one with named columns."""
+"""NumPy files: an (N, 3 or more) array, its transpose, an image, or a structured one with named columns; or several."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from automos.core.errors import InputError
-from automos.core.reading import read_array
-from automos.readers.columns import Columns, from_matrix
+from automos.core.reading import MAX_TEXT, read_array
+from automos.readers.columns import UNNAMED, Columns, from_matrix
+from automos.readers.layouts import parse_columns
+
+_POINTS = ("points", "point_cloud", "pointcloud", "pc", "cloud", "lidar", "scan", "xyzi", "xyz", "data", "arr_0")
+"""What archives call the array of points, where they hold others, too."""
 
 
-def read(path: Path) -> Columns:
-    """Return the columns of one file; unnamed ones are x, y, z, intensity, ring."""
+def read(path: Path, columns: str = "") -> Columns:
+    """Return the columns of one file; unnamed ones are x, y, z, intensity, ring, or as `columns` names them."""
     try:
-        array = read_array(path)
+        array = _read_archive(path) if path.suffix.lower() == ".npz" else read_array(path)
     except InputError:
         raise
     except ValueError as error:
         raise InputError(
             f"{path} is not a whole .npy file of numbers ({error}); write it again with numpy.save"
         ) from None
+    if isinstance(array, dict):
+        return array
     if array.dtype.names is None and array.dtype.kind not in "fiu":
         raise InputError(f"{path} holds {array.dtype} values; points are numbers")
     if array.dtype.names:
@@ -26,4 +34,21 @@ def read(path: Path) -> Columns:
         return {name: flat[name] for name in array.dtype.names if flat[name].ndim == 1}
     if array.size == 0:
         array = array.reshape(0, 3)
-    return from_matrix(array, path)
+    return from_matrix(array, path, parse_columns(columns).names or UNNAMED if columns else UNNAMED)
+
+
+def _read_archive(path: Path) -> np.ndarray | Columns:
+    """Return the array of points of an archive, or its columns where each is an array of its own."""
+    with np.load(path, allow_pickle=False) as archive:
+        if sum(entry.file_size for entry in archive.zip.infolist()) > MAX_TEXT:
+            raise ValueError(f"its arrays unpack to more than {MAX_TEXT >> 20} MB")
+        arrays = {name: archive[name] for name in archive.files}
+    rows = {name: array for name, array in arrays.items() if array.ndim == 1 and not array.dtype.names}
+    if {"x", "y", "z"} <= {name.lower() for name in rows}:
+        n = len(next(array for name, array in rows.items() if name.lower() == "x"))
+        return {name: array for name, array in rows.items() if len(array) == n}
+    clouds = [name for name, array in arrays.items() if array.ndim > 1 or array.dtype.names]
+    named = [name for name in _POINTS if name in clouds]
+    if not named and len(clouds) != 1:
+        raise InputError(f"{path} holds the arrays {', '.join(arrays) or 'none'}; call the one of points 'points'")
+    return arrays[(named or clouds)[0]]

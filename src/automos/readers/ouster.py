@@ -1,4 +1,4 @@
-"""Packets of Ouster sensors: a .pcap and the sensor's metadata beside it, name.json (or name_0.json).
+"""Ouster sensors: packets (.pcap, .pcapng) and the sensor's metadata beside them, name.json or name_0.json; or .osf.
 
 Decoded by the maker's own library. A scan is a frame, column after column as it was measured, pixels without a return
 included; the second returns of a sensor that gives two follow the first. Of several sensors one is named by its serial
@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.errors import AutomosError, InputError
+from automos.core.errors import AutomosError, InputError, MissingExtraError
 from automos.core.reading import require_regular
 from automos.core.scan import Scan, Sequence
 from automos.readers.foreign import limited
 from automos.readers.formats import Format, import_extra, recordings_at
 from automos.readers.listed import digest_of_files, require_increasing
-from automos.readers.pcap import require_whole
+from automos.readers.pcap import CAPTURES, require_whole
 from automos.readers.sensor_choice import choose_sensor, split_sensor
 
 _RETURNS = (("RANGE", "REFLECTIVITY"), ("RANGE2", "REFLECTIVITY2"))
@@ -32,12 +32,12 @@ _IS_VALID = 1
 
 
 def find(path: Path) -> list[Path]:
-    """Return the .pcap files at `path`: itself, a sensor of it, or those that lie in it by name."""
+    """Return the recordings at `path`: itself, a sensor of it, or those that lie in it by name."""
     return [path] if _is_pcap(path.parent) else recordings_at(path, _is_pcap)
 
 
 def _is_pcap(path: Path) -> bool:
-    return path.suffix == ".pcap" and path.is_file()
+    return path.suffix in (*CAPTURES, ".osf") and path.is_file()
 
 
 class OusterSequence(Sequence):
@@ -57,18 +57,20 @@ class OusterSequence(Sequence):
         self._address = path
         self._threads = threading.local()
         stem = self.source.stem
-        names = (f"{stem}.json", f"{stem}_*.json")
+        self._is_osf = self.source.suffix == ".osf"  # holds frames, and their metadata
+        names = () if self._is_osf else (f"{stem}.json", f"{stem}_*.json")
         self._metadata = sorted({file for name in names for file in self.source.parent.glob(name)})
-        if not self._metadata:
+        if not self._metadata and not self._is_osf:
             raise InputError(
                 f"{self.source} has no metadata {stem}.json beside it, which Ouster's packets need, and no packets of "
-                "a Velodyne; put it there, make a pcapng file a classic one (editcap -F pcap), or convert other "
-                "makers' packets to a ROS bag, PCD or LAS"
+                "a Velodyne; put it there, or convert other makers' packets (Hesai, RoboSense, Livox) to a ROS bag or "
+                "PCD: their drivers and viewers do"
             )
         serials = [str(info.sn) for info in self._reader.sensor_info]
         self._serial = choose_sensor(self.source, wanted, serials, "sensor")
         self.name = stem if wanted is None else f"{stem}_{wanted}"
-        require_whole(self.source)  # the library passes over the end of one that is cut short
+        if not self._is_osf:
+            require_whole(self.source)  # the library passes over the end of one that is cut short
         self._places, stamps = self._index()
         if not self._places:
             raise InputError(f"{self.source} holds no frames of sensor {self._serial}; its metadata may be another's")
@@ -115,17 +117,29 @@ class OusterSequence(Sequence):
     def _reader(self) -> Any:
         """The opened and indexed file; one for each thread, as readers are not made to be shared."""
         if not hasattr(self._threads, "reader"):
-            pcap = import_extra("ouster.sdk.pcap", "ouster")
+            library = self._library()
             for file in (self.source, *self._metadata):
                 require_regular(file)
             try:
-                metadata = [str(file) for file in self._metadata]
-                self._threads.reader = pcap.PcapScanSource(str(self.source), meta=metadata, index=True)
+                if self._is_osf:
+                    self._threads.reader = library.OsfScanSource(str(self.source), index=True)
+                else:
+                    metadata = [str(file) for file in self._metadata]
+                    self._threads.reader = library.PcapScanSource(str(self.source), meta=metadata, index=True)
             except Exception as error:  # damaged files break the library in many ways
                 raise InputError(
-                    f"{self.source} cannot be read as packets of an Ouster ({error}); copy it again"
+                    f"{self.source} cannot be read as a recording of an Ouster ({error}); copy it again"
                 ) from error
         return self._threads.reader
+
+    def _library(self) -> Any:
+        try:
+            return import_extra(f"ouster.sdk.{'osf' if self._is_osf else 'pcap'}", "ouster")
+        except MissingExtraError as error:
+            raise MissingExtraError(
+                f"{error}, in an environment without rosbags, which it does not go with; or convert {self.source.name} "
+                f"to a ROS bag: ouster-cli source {self.source.name} save drive.bag"
+            ) from None
 
     @cached_property
     def _to_points(self) -> Any:
@@ -146,7 +160,7 @@ class OusterSequence(Sequence):
             raise
         except Exception as error:
             raise InputError(
-                f"{self.source} cannot be read as packets of an Ouster ({error}); copy it again"
+                f"{self.source} cannot be read as a recording of an Ouster ({error}); copy it again"
             ) from error
         return places, stamps
 
@@ -204,7 +218,7 @@ def _column_seconds(frame: Any) -> npt.NDArray[np.float64]:
 
 
 FORMAT = Format(
-    layout="Ouster packets: a .pcap and its .json; of several sensors give one: drive.pcap/SERIAL",
+    layout="Ouster: .pcap or .pcapng and its .json, or .osf; of several sensors give one: drive.pcap/SERIAL",
     truth="",
     find=find,
     open=OusterSequence,

@@ -1,4 +1,4 @@
-"""Captures of network traffic (libpcap's classic files): the UDP datagrams of one size in a part of one.
+"""Captures of network traffic (libpcap's classic files, and pcapng): the UDP datagrams of one size in a part of one.
 
 Records can be read from any record on, a piece of the file in memory at a time, so the part before need not be read
 again. Libraries for captures read from the start and do not report positions.
@@ -6,6 +6,7 @@ again. Libraries for captures read from the start and do not report positions.
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,9 +18,14 @@ from numpy.lib.stride_tricks import sliding_window_view
 from automos.core.errors import InputError
 from automos.core.kernels import kernel
 
+CAPTURES = (".pcap", ".pcapng")
+"""What the names of captures end in."""
 _MAGIC = {0xA1B2C3D4: 1e-6, 0xA1B23C4D: 1e-9}
 """First four bytes, and the seconds that a fraction counts."""
-_PCAPNG = 0x0A0D0D0A
+_PCAPNG, _NG_ORDER = b"\n\r\r\n", 0x1A2B3C4D
+"""What a capture of the newer kind begins with, and what tells its byte order at its ninth byte."""
+_INTERFACE, _OLD_PACKET, _PACKET = 1, 2, 6
+"""Types of its blocks."""
 _HEADER, _RECORD = 24, 16
 _PIECE = 1 << 24
 """Bytes read at once; the longest record has a quarter of a million."""
@@ -60,15 +66,19 @@ class Datagrams:
 
 @dataclass(frozen=True)
 class Capture:
-    """A file of `size` bytes: its byte order, seconds per count of a fraction, and bytes before the IP header."""
+    """A file of `size` bytes, whether it is a pcapng, its byte order, and of each of its K interfaces two numbers.
+
+    `units` (K,) are seconds per count of time, `before_ip` (K,) bytes before the IP header.
+    """
 
     path: Path
     size: int
     is_big: bool
-    unit: float
-    before_ip: int
+    is_ng: bool
+    units: npt.NDArray[np.float64]
+    before_ip: npt.NDArray[np.int64]
 
-    def datagrams(self, n_bytes: int, start: int = _HEADER, stop: int | None = None) -> Iterator[Datagrams]:
+    def datagrams(self, n_bytes: int, start: int = 0, stop: int | None = None) -> Iterator[Datagrams]:
         """Yield, piece by piece, the datagrams of `n_bytes` in the records from byte `start` of the file to `stop`.
 
         Raises
@@ -77,13 +87,14 @@ class Capture:
             The file ends within a record, or such a datagram was not recorded whole.
         """
         stop = self.size if stop is None else min(stop, self.size)
+        start = max(start, 0 if self.is_ng else _HEADER)
         while start < stop:
             data = np.fromfile(self.path, np.uint8, min(stop - start, _PIECE), offset=start)
             most = len(data) // (n_bytes + _RECORD) + 1
             places, records = np.empty(most, np.int64), np.empty(most, np.int64)
             seconds, senders = np.empty(most), np.empty(most, np.int64)
             n, end, is_whole = _walk(
-                data, n_bytes, self.is_big, self.unit, self.before_ip, records, places, seconds, senders
+                data, n_bytes, self.is_big, self.is_ng, self.units, self.before_ip, records, places, seconds, senders
             )
             at_every_byte = sliding_window_view(data, n_bytes) if n else np.empty((0, n_bytes), np.uint8)
             yield Datagrams(start + records[:n], at_every_byte[places[:n]], seconds[:n], senders[:n])
@@ -116,20 +127,52 @@ def open_capture(path: Path) -> Capture:
     for order, is_big in (("<u4", False), (">u4", True)):
         words = np.frombuffer(head[: len(head) // 4 * 4], order).tolist()
         if len(words) == 6 and words[0] in _MAGIC:
-            link = words[5] & 0xFFFF
-            if link not in _LINKS:
-                raise InputError(f"{path} was captured on a link of type {link}, which is not read; capture Ethernet")
-            return Capture(path, path.stat().st_size, is_big, _MAGIC[words[0]], _LINKS[link])
-    if head[:4] == _PCAPNG.to_bytes(4, "big"):
-        raise InputError(f"{path} is a pcapng file; make it a classic one: editcap -F pcap {path.name} classic.pcap")
+            return _capture(path, is_big, [(words[5] & 0xFFFF, _MAGIC[words[0]])], is_ng=False)
+    if head[:4] == _PCAPNG and len(head) >= 12:
+        is_big = int.from_bytes(head[8:12], "big") == _NG_ORDER
+        return _capture(path, is_big, _interfaces(path, ">" if is_big else "<"), is_ng=True)
     raise InputError(f"{path} is not a capture of packets (libpcap); copy it again")
 
 
-def require_whole(path: Path) -> None:
-    """Raise InputError where a classic capture ends within a packet; pcapng files are not looked into."""
+def _capture(path: Path, is_big: bool, interfaces: list[tuple[int, float]], is_ng: bool) -> Capture:
+    links = [link for link, _ in interfaces]
+    if links and not set(links) & set(_LINKS):
+        raise InputError(f"{path} was captured on a link of type {links[0]}, which is not read; capture Ethernet")
+    before_ip = np.array([_LINKS.get(link, -1) for link in links], np.int64)
+    units = np.array([unit for _, unit in interfaces], np.float64)
+    return Capture(path, path.stat().st_size, is_big, is_ng, units, before_ip)
+
+
+def _interfaces(path: Path, order: str) -> list[tuple[int, float]]:
+    """Return the type of link and the seconds per count of each interface that is told before the first packet."""
+    found: list[tuple[int, float]] = []
+    at = 0
     with open(path, "rb") as file:
-        if file.read(4) == _PCAPNG.to_bytes(4, "big"):
-            return
+        while True:
+            file.seek(at)
+            head = file.read(8)
+            kind, length = struct.unpack(f"{order}II", head) if len(head) == 8 else (_PACKET, 0)
+            if kind in (_PACKET, _OLD_PACKET) or length < 12:
+                return found
+            if kind == _INTERFACE:
+                body = file.read(min(length - 12, _PIECE))
+                found.append((struct.unpack_from(f"{order}H", body)[0], _seconds_per_count(body[8:], order)))
+            at += length
+
+
+def _seconds_per_count(options: bytes, order: str) -> float:
+    at = 0
+    while at + 4 <= len(options):
+        code, length = struct.unpack_from(f"{order}HH", options, at)
+        if code == 9 and length == 1:  # if_tsresol: a negative power of ten or, with the highest bit, of two
+            power = options[at + 4]
+            return float(2.0 ** -(power & 127) if power & 128 else 10.0**-power)
+        at += 4 + length + -length % 4
+    return 1e-6
+
+
+def require_whole(path: Path) -> None:
+    """Raise InputError where a capture ends within a packet."""
     for _ in open_capture(path).datagrams(_NO_SIZE):
         pass
 
@@ -158,23 +201,39 @@ def _u16(data, at):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _walk(data, n_bytes, is_big, unit, before_ip, records, places, seconds, senders):  # type: ignore[no-untyped-def]
+def _walk(data, n_bytes, is_big, is_ng, units, before_ip, records, places, seconds, senders):  # type: ignore[no-untyped-def]
     """Fill a row for each datagram; return how many, the first record that does not end in `data`, and True.
 
     Where only the beginning of a datagram was recorded, its record and False.
     """
     n = at = 0
-    while at + _RECORD <= len(data) and at + _RECORD + _u32(data, at + 8, is_big) <= len(data):
-        end = at + _RECORD + _u32(data, at + 8, is_big)
-        ip, udp = _ip_and_udp(data, at + _RECORD, end, before_ip)
+    while at + (12 if is_ng else _RECORD) <= len(data):
+        frame, end, following, interface = at + _RECORD, at, at, 0
+        if is_ng:
+            kind, length = _u32(data, at, is_big), _u32(data, at + 4, is_big)
+            following = at + length if length >= 12 else len(data) + 1
+            if following <= len(data) and kind in (_PACKET, _OLD_PACKET) and length >= 32:
+                frame, interface = at + 28, _u32(data, at + 8, is_big)
+                interface = interface if kind == _PACKET else interface >> 16 if is_big else interface & 0xFFFF
+                end = min(frame + _u32(data, at + 20, is_big), following)
+        else:
+            end = following = at + _RECORD + _u32(data, at + 8, is_big)
+        if following > len(data):
+            break
+        ip = udp = -1
+        if interface < len(units) and before_ip[interface] >= 0:
+            ip, udp = _ip_and_udp(data, frame, end, before_ip[interface])
         if udp >= 0 and _u16(data, udp + 4) == n_bytes + 8:
             if udp + 8 + n_bytes > end:
                 return n, at, False
             records[n], places[n] = at, udp + 8
-            seconds[n] = _u32(data, at, is_big) + unit * _u32(data, at + 4, is_big)
+            if is_ng:
+                seconds[n] = units[interface] * (_u32(data, at + 12, is_big) << 32 | _u32(data, at + 16, is_big))
+            else:
+                seconds[n] = _u32(data, at, is_big) + units[0] * _u32(data, at + 4, is_big)
             senders[n] = _u32(data, ip + 12, True) << 16 | _u16(data, udp + 2)
             n += 1
-        at = end
+        at = following
     return n, at, True
 
 

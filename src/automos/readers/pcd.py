@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from automos.core.arrays import evenly_spread
 from automos.core.errors import InputError
 from automos.core.geometry import make_transform
 from automos.core.reading import read_bytes
 from automos.core.scan import Pose
 from automos.readers.columns import MAX_FIELDS, Columns
 from automos.readers.lzf import decompress
-from automos.readers.records import require_no_more
+from automos.readers.records import require_in_place
 from automos.readers.text import parse_points
 
 _MAX_COUNT = 1 << 16
 """Values per point of one field; the largest histograms have hundreds."""
-_KINDS = {"F": "f", "I": "i", "U": "u"}
+_KINDS = {"F": "f", "I": "i", "U": "u", "B": "u"}
+_LONGEST_HEADER = 1 << 16
+"""Bytes."""
+_LOOKS = 5
+"""Files whose headers show whether any has a viewpoint."""
 
 
 @dataclass(frozen=True)
@@ -50,16 +57,50 @@ def read(path: Path) -> Columns:
         return _from_text(body, header, path)
     if header.encoding == "binary":
         _require_bytes(len(body), header.n_points * header.dtype.itemsize, path)
-        require_no_more(body[header.n_points * header.dtype.itemsize :], path)
         points = np.frombuffer(body, header.dtype, header.n_points)
-        return {name: points[name] for name in _scalar_fields(header.dtype)}
+        columns = {name: points[name] for name in _scalar_fields(header.dtype)}
+        require_in_place(columns, body, len(body) - points.nbytes, path)
+        return columns
     return _from_compressed(body, header, path)
 
 
 def read_header(path: Path) -> Header:
     """Return the header of one file without reading its points."""
     with open(path, "rb") as file:
-        return _parse_header(file.read(1 << 16), path)
+        return _parse_header(file.read(_LONGEST_HEADER), path)
+
+
+def read_viewpoints(paths: Sequence[Path]) -> Pose | None:
+    """Return (N, 4, 4) the viewpoints of the files at `paths`; None where all are as if they had none.
+
+    Of many files, some are looked at first.
+    """
+    some = [read_header(path).viewpoint for path in evenly_spread(paths, _LOOKS)]
+    return None if np.allclose(some, np.eye(4)) else np.stack([read_header(path).viewpoint for path in paths])
+
+
+def surplus_warnings(paths: Sequence[Path]) -> list[str]:
+    """Return what to say of bytes that lie behind the points of the files at `paths`."""
+    with_surplus = [(path, n) for path in paths if (n := _count_surplus(path)) > 0]
+    if not with_surplus:
+        return []
+    path, n = with_surplus[0]
+    return [
+        f"{len(with_surplus)} files hold bytes behind their points, which are not read (first: {path.name}, {n} bytes)."
+    ]
+
+
+def _count_surplus(path: Path) -> int:
+    with contextlib.suppress(InputError, OSError):  # reported when the scan itself is read
+        header = read_header(path)
+        n_bytes = path.stat().st_size - header.start
+        if header.encoding == "binary":
+            return n_bytes - header.n_points * header.dtype.itemsize
+        if header.encoding == "binary_compressed":
+            with path.open("rb") as file:
+                file.seek(header.start)
+                return n_bytes - 8 - int.from_bytes(file.read(4), "little")
+    return 0
 
 
 # ------------------------------------------------------------------------------------------------------- header
@@ -109,6 +150,8 @@ def _viewpoint(words: list[str] | None) -> Pose:
     from scipy.spatial.transform import Rotation
 
     x, y, z, qw, qx, qy, qz = (float(word) for word in words or ["0", "0", "0", "1", "0", "0", "0"])
+    if not np.isfinite([x, y, z, qw, qx, qy, qz]).all():
+        return np.eye(4)
     quaternion = [qx, qy, qz, qw] if any((qw, qx, qy, qz)) else [0.0, 0.0, 0.0, 1.0]
     return make_transform(Rotation.from_quat(quaternion).as_matrix(), [x, y, z])
 
@@ -142,7 +185,6 @@ def _from_compressed(body: bytes, header: Header, path: Path) -> Columns:
         raise InputError(f"{path} is damaged: it says it unpacks to {n_unpacked} bytes, but its points need {promised}")
     _require_bytes(len(body) - 8, n_packed, path)
     _require_bytes(88 * n_packed, n_unpacked, path)
-    require_no_more(body[8 + n_packed :], path)
     try:
         unpacked = decompress(np.frombuffer(body, np.uint8, n_packed, offset=8), n_unpacked)
     except ValueError as error:
@@ -155,4 +197,5 @@ def _from_compressed(body: bytes, header: Header, path: Path) -> Columns:
         if name in _scalar_fields(header.dtype):
             columns[name] = unpacked[start:end].view(field)
         start = end
+    require_in_place(columns, body, len(body) - 8 - n_packed, path)
     return columns

@@ -14,7 +14,6 @@ import numpy as np
 from automos.core.errors import InputError
 from automos.core.reading import read_bytes
 from automos.readers.columns import MAX_FIELDS, Columns
-from automos.readers.records import require_no_more
 from automos.readers.text import parse_points
 
 _TYPES = {
@@ -59,8 +58,12 @@ def read(path: Path) -> Columns:
         raise InputError(
             f"{path} is cut short: {len(raw) - start} bytes of points, its header promises {promised}; copy it again"
         )
-    require_no_more(raw[end:], path)
     points = np.frombuffer(raw, dtype, vertex.count, offset=start + skipped)
+    if raw[end:].strip(b"\0 \t\r\n"):
+        raise InputError(
+            f"{path} holds {len(raw) - end} bytes more than its header promises; bytes came in before the last points, "
+            "or it was copied as text: copy it again"
+        )
     return {name: points[name] for name, _ in vertex.fields}
 
 

@@ -11,6 +11,7 @@ from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.readers.columns import Columns
@@ -21,23 +22,40 @@ EMPTY = -1
 """The digest of clouds without points, which are not each other's repeats."""
 
 
-def header_stamp(raw: bytes | memoryview, is_ros2: bool) -> float:
+def header_stamp(raw: bytes, is_ros2: bool) -> float:
     """Return the seconds in a message's header, without decoding what follows."""
-    big = is_ros2 and raw[1] == 0
-    seconds, nanoseconds = np.frombuffer(raw, ">u4" if big else "<u4", 2, offset=4).tolist()
-    return seconds + 1e-9 * nanoseconds
+    order = _order(raw, is_ros2)
+    return int.from_bytes(raw[4:8], order) + 1e-9 * int.from_bytes(raw[8:12], order)
 
 
-def cloud_digest(raw: bytes | memoryview, is_ros2: bool) -> int:
+def header_frame(raw: bytes, is_ros2: bool) -> str:
+    """Return the name of the frame in a message's header."""
+    name = raw[16 : 16 + int.from_bytes(raw[12:16], _order(raw, is_ros2))]
+    return name.rstrip(b"\0").decode("utf-8", "replace").strip("/")
+
+
+def header_end(raw: bytes, is_ros2: bool) -> int:
+    """Return the byte of the first number of four bytes behind a message's header."""
+    at = 16 + int.from_bytes(raw[12:16], _order(raw, is_ros2))
+    return at + (-at % 4 if is_ros2 else 0)
+
+
+def _order(raw: bytes, is_ros2: bool) -> Literal["big", "little"]:
+    return "big" if is_ros2 and raw[1] == 0 else "little"
+
+
+def points_counted(raw: bytes, is_ros2: bool) -> int:
+    """Return how many points a cloud as it lies in a bag says that it has; its data may hold more."""
+    order, at = _order(raw, is_ros2), header_end(raw, is_ros2)
+    return int.from_bytes(raw[at : at + 4], order) * int.from_bytes(raw[at + 4 : at + 8], order)
+
+
+def cloud_digest(raw: bytes, is_ros2: bool) -> int:
     """Return a number that clouds as they lie in a bag share, if they hold the same whatever their time; EMPTY if none.
 
     All of it is digested: half of an organised cloud may be the same in every message, where the beams meet nothing.
     """
-    order: Literal["big", "little"] = "big" if is_ros2 and raw[1] == 0 else "little"
-    at = 16 + int.from_bytes(raw[12:16], order)  # behind the name of the frame
-    at += -at % 4 if is_ros2 else 0
-    height, width = (int.from_bytes(raw[k : k + 4], order) for k in (at, at + 4))
-    return zlib.crc32(raw[12:]) if height * width else EMPTY
+    return zlib.crc32(raw[12:]) if points_counted(raw, is_ros2) else EMPTY
 
 
 def read_columns(message: Any, where: str) -> Columns:
@@ -53,13 +71,10 @@ def read_columns(message: Any, where: str) -> Columns:
     InputError
         Fewer bytes than its points need, fields that reach beyond a point, or two in the same place.
     """
-    height, width = int(message.height), int(message.width)
-    point_step, row_step = int(message.point_step), int(message.row_step)
-    if height == 1 or row_step == 0:
-        row_step = width * point_step  # drivers get it wrong where it does not matter
-    n_bytes = (height - 1) * row_step + width * point_step if height * width else 0
+    point_step = int(message.point_step)
     data = np.asarray(message.data).view(np.uint8)
-    if len(data) < n_bytes or row_step < width * point_step:
+    height, width, row_step = _shape(message, data)
+    if len(data) < ((height - 1) * row_step + width * point_step if height * width else 0):
         raise InputError(
             f"{where} is cut short: {len(data)} bytes for {height} x {width} points of {point_step} bytes; "
             "record or export it again"
@@ -85,6 +100,26 @@ def read_columns(message: Any, where: str) -> Columns:
         columns.setdefault(field.name, column.reshape(-1))
     _require_apart(spans, where)
     return columns
+
+
+def _shape(message: Any, data: npt.NDArray[np.uint8]) -> tuple[int, int, int]:
+    """Return the rows, the points in one, and the bytes from one to the next that hold all points in `data`.
+
+    Some drivers count too few points, or give the bytes of a row wrong where there is no padding. Bytes that a header
+    does not count are points where they are whole ones, and not all zero, which is what padding and buffers hold.
+    """
+    height, width, step = int(message.height), int(message.width), int(message.point_step)
+    row_step = int(message.row_step)
+    if height <= 1 or row_step < width * step or len(data) == height * width * step:
+        row_step = width * step
+    if step <= 0:
+        return height, width, row_step
+    if height > 1 and row_step % step == 0 and len(data) == height * row_step:
+        width = row_step // step if data.reshape(height, row_step)[:, width * step :].any() else width
+    rest = data[height * row_step :]
+    if row_step == width * step and len(rest) >= step and len(rest) % step == 0 and rest.any():
+        return 1, len(data) // step, len(data)
+    return height, width, row_step
 
 
 def _require_apart(spans: list[tuple[int, int, str]], where: str) -> None:

@@ -6,7 +6,8 @@ switched on. Times that cannot be are not used, and that is said once.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from automos.readers.columns import (
     ring_column,
     time_column,
 )
+from automos.readers.time_order import with_all_times
 
 _LONGEST, _SHORTEST = 1.7, 0.01
 """Times the usual gap between scans that a sweep may last: more, or less, is of an unknown unit."""
@@ -83,6 +85,23 @@ def sweep_bounds(times: npt.NDArray, unit: float) -> tuple[float, float]:
     first = known.min()
     # Subtract in the file's own type: nanoseconds since 1970 are beyond float64's whole numbers.
     return float(first) * unit, float(first) * unit + float(known.max() - first) * unit
+
+
+def sweep_starts(
+    read: Callable[[Path], Columns],
+    paths: Sequence[Path],
+    about: PointTimes,
+    others: npt.NDArray[np.float64] | None,
+) -> npt.NDArray[np.float64]:
+    """Return (N,) seconds at which the sweeps in the files at `paths` begin; `others` if too few have any times."""
+
+    def start(path: Path) -> float:
+        times = time_column(read(path))
+        return np.nan if times is None or about.unit is None else sweep_bounds(times, about.unit)[0]
+
+    with ThreadPoolExecutor() as pool:
+        times = with_all_times(np.array(list(pool.map(start, paths))))
+    return times if others is None or np.isfinite(times).all() else others
 
 
 def _share_backwards(columns: Columns) -> float:

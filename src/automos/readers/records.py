@@ -5,13 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.core.reading import read_bytes, read_text
 from automos.readers.columns import Columns
 
-_PAGE = 4096
-"""Bytes of a page of memory. Fewer zeros may be the end of numbers."""
+SHARE = 0.99
+"""Share of numbers that must be lengths where points are expected."""
+_SMALLEST, _LARGEST = 1e-7, 1e7
+"""Metres of a coordinate, where it is not zero: bits that are none are spread over all that numbers can be."""
+_LAST = 100
+"""Points at the end of a file that show whether bytes came in before them."""
 
 
 def read_records(path: Path, dtype: np.dtype) -> Columns:
@@ -29,27 +34,42 @@ def read_records(path: Path, dtype: np.dtype) -> Columns:
     if len(raw) % dtype.itemsize:
         raise InputError(
             f"{path} has {len(raw)} bytes, no multiple of a point ({dtype.itemsize} bytes); it is cut short or of "
-            "another sensor: copy it again"
+            "another kind: copy it again, or say with --columns which columns it has"
         )
     rows = np.frombuffer(raw, dtype)
     return {name: rows[name] for name in dtype.names or () if not name.startswith("_")}
 
 
-def require_no_more(rest: bytes, path: Path) -> None:
-    """Raise where more than padding lies behind the last point that a header promises.
+@np.errstate(invalid="ignore")
+def are_lengths(values: npt.NDArray) -> bool:
+    """Return whether nearly all of `values` are none (NaN, infinite), zero, or of a size that lengths have."""
+    size = np.abs(values)
+    is_none = ~np.isfinite(size) | (size == 0)
+    return bool((is_none | ((size > _SMALLEST) & (size < _LARGEST))).mean() >= SHARE)
 
-    Be it less than a point: bytes that were lost or came in before it have moved all points behind them.
+
+def require_in_place(columns: Columns, body: bytes, n_surplus: int, path: Path) -> None:
+    """Raise where the bytes that a file holds too many came in before its last points: all behind them are others.
+
+    Bytes behind the last point do no harm, as writers of mapped files leave them.
+
+    Parameters
+    ----------
+    columns : the points.
+    body : what is behind the header; `n_surplus` bytes of it are not promised.
 
     Raises
     ------
     InputError
-        It does; zeros that fill a page of memory, as writers of mapped files leave them, and blanks do not.
+        The last points are none, or each line feed has got a carriage return.
     """
-    is_page = len(rest) >= _PAGE and not any(rest)
-    if rest.strip() and not is_page:
+    n_returns = body.count(b"\r\n") if n_surplus else 0
+    is_text = 0 < n_returns == n_surplus == body.count(b"\n")
+    ends = [columns[axis][-_LAST:] for axis in "xyz" if axis in columns and columns[axis].dtype.kind == "f"]
+    if n_surplus and (is_text or not all(are_lengths(end) for end in ends if len(end))):
         raise InputError(
-            f"{path} holds {len(rest)} bytes more than the points its header promises; it is damaged, or was copied as "
-            "text: copy it again"
+            f"{path} holds {n_surplus} bytes more than the points its header promises, and they came in between "
+            "points, as where it was copied as text: copy it again"
         )
 
 

@@ -8,25 +8,28 @@ from __future__ import annotations
 from pathlib import Path
 
 from automos.core.scan import Sequence
+from automos.readers.bag import drives_of, is_bag, split_address
 from automos.readers.formats import Format
-from automos.readers.rosbag_topic import RosbagSequence, is_bag
+from automos.readers.rosbag_topic import RosbagSequence
 
 
 def find(path: Path) -> list[Path]:
-    """Return the bags at `path`: itself, a topic of it, or those that lie in it by name."""
+    """Return the bags at `path`: itself, a topic of it, or those that lie in it by name, one for each drive."""
     if is_bag(path):
         return [path]
-    if not path.exists():
+    if not path.is_dir():
         return [path] if any(is_bag(parent) for parent in path.parents) else []
-    return sorted(p for p in path.iterdir() if not p.name.startswith(".") and is_bag(p)) if path.is_dir() else []
+    folders = [p for p in path.iterdir() if not p.name.startswith(".") and p.is_dir() and is_bag(p)]
+    drives = [first if not more else first.with_name(f"{first.name}+") for first, *more in drives_of(path)]
+    return sorted([*folders, *drives])
 
 
 def open_bag(path: Path) -> Sequence:
     """Return the topic, or the merged topics, of the bag at or above `path`."""
     from automos.readers.merged_bag import MergedBagSequence
 
-    bag = path if path.exists() else next(parent for parent in path.parents if is_bag(parent))
-    topics = [] if path == bag else path.relative_to(bag).as_posix().split("+")
+    bag, topic = split_address(path)
+    topics = (topic or "").split("+")
     return MergedBagSequence(bag, topics) if len(topics) > 1 else RosbagSequence(path)
 
 

@@ -1,4 +1,4 @@
-"""ROS 1 bags, ROS 2 bags and MCAP files: the point clouds of one topic, PointCloud2 or Livox's own messages.
+"""ROS 1 bags, ROS 2 bags and MCAP files: the point clouds of one topic.
 
 The only such topic is taken; of several, one is named as if the bag were a folder: `log.mcap/front/points`. Scans are
 in the order in which they were recorded and stamped by their headers.
@@ -6,11 +6,9 @@ in the order in which they were recorded and stamped by their headers.
 
 from __future__ import annotations
 
-import threading
-import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
-from functools import cached_property
+from contextlib import contextmanager, suppress
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -18,33 +16,21 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import AutomosError, InputError
-from automos.core.reading import require_regular
-from automos.core.scan import Mask, Scan, Sequence
-from automos.readers import livox_message
-from automos.readers.columns import Columns, time_column, to_scan
+from automos.core.geometry import inverse, transform
+from automos.core.scan import Mask, Pose, Scan, Sequence
+from automos.readers import bag_messages
+from automos.readers.bag import Bag, name_of, split_address
+from automos.readers.bag_topics import choose_topic, is_named_world, odometry_frames
+from automos.readers.bag_transforms import Joint, joints_of, poses_in
+from automos.readers.columns import Columns, coordinates, time_column, to_scan
 from automos.readers.foreign import limited
-from automos.readers.formats import import_extra
 from automos.readers.listed import digest_of_files
-from automos.readers.point_cloud2 import EMPTY, cloud_digest, header_stamp, read_columns
-from automos.readers.point_times import PointTimes, judge_times
+from automos.readers.point_cloud2 import EMPTY, points_counted
+from automos.readers.point_times import judge_times
+from automos.readers.sensor_place import find_frame
 from automos.readers.time_order import count_unset, put_in_order
-
-_SUFFIXES = (".bag", ".mcap", ".db3")
-_CLOUD = "sensor_msgs/msg/PointCloud2"
-_TYPES = (_CLOUD, *livox_message.TYPES)
-
-
-def is_bag(path: Path) -> bool:
-    """Return whether `path` is a bag: a file of one of its kinds, or ROS 2's folder."""
-    if path.is_dir():
-        holds = (path / "metadata.yaml").exists()
-        return holds and any(p.suffix in _SUFFIXES or _is_packed(p) for p in path.iterdir())
-    return path.suffix in _SUFFIXES and path.is_file()
-
-
-def _is_packed(file: Path) -> bool:
-    """Return whether `file` is one of a bag, compressed as a whole."""
-    return file.suffix == ".zstd" and Path(file.stem).suffix in _SUFFIXES
+from automos.readers.velodyne_decoder import SweepDecoder
+from automos.readers.velodyne_message import read_packets
 
 
 class RosbagSequence(Sequence):
@@ -58,26 +44,41 @@ class RosbagSequence(Sequence):
         Raises
         ------
         InputError
-            A bag that is damaged or compressed as a whole, no or several topics of point clouds, or stamps that run
-            backwards.
+            A bag that is damaged or compressed as a whole, no or several topics of point clouds, or clouds in the frame
+            of a map without poses.
         """
-        bag = path if path.exists() else next(parent for parent in path.parents if is_bag(parent))
-        wanted = None if path == bag else path.relative_to(bag).as_posix()
-        self.source, self._address = bag, path
-        self._threads = threading.local()
-        packed = next(filter(_is_packed, _files(bag)), None)
-        if packed is not None:  # the library would unpack all of it for every scan, with no limit on its size
-            raise InputError(
-                f"{packed} is compressed as a whole, so its messages cannot be read one by one; unpack it (zstd -d "
-                f"{packed.name}) and give the unpacked file"
+        self._address = path
+        self.source, wanted = split_address(path)
+        with _reported(self.source):
+            self._bag = Bag(self.source)
+            self._topic, said = choose_topic(self._bag, wanted)
+            self._rows = self._bag.index(self._topic)
+            if len(self._rows) == 0:
+                raise InputError(
+                    f"{self.source} has no messages on topic {self._topic.name}; record it again or give another topic"
+                )
+            heads = [self._head(row) for row in self._rows]
+            self._sizes = np.array([self._bag.size(row) for row in self._rows])
+            self.frame_id = heads[0][1]
+            self.name = name_of(self.source) + ("" if wanted is None else "_" + wanted.replace("/", "_"))
+            self._warnings = [*self._bag.faults, *said, *self._put_in_order(np.array([stamp for stamp, _ in heads]))]
+            self._T_frame_sensor: Pose | None = None
+            self._T_frame_sensor = self._find_sensor()
+            counted = self._bag.counted(self._topic)
+            if counted > len(self):
+                lost = f"{self._where()} holds {len(self)} of the {counted} messages that its bag counts"
+                self._warnings.append(f"{lost}; it was cut or damaged")
+            self._bag.keep(self._topic)
+        gap = float(np.median(np.diff(self._stamps))) if self._stamps is not None and len(self) > 2 else None
+        # of all scans alike: one of few points may not show it
+        fullest = int(np.argmax(self._sizes))
+        columns = self._columns(fullest)
+        self._point_times = judge_times([columns], self._where(), gap)
+        n_counted, n = self._points_counted(fullest), len(next(iter(columns.values()), ()))
+        if n_counted is not None and n_counted < n:
+            self._warnings.append(
+                f"{self._where()}: headers count {n_counted} of {n} points in the data; all are read."
             )
-        with _reported(bag):
-            self._topic = _choose_topic(self._reader, bag, wanted)
-            self._recorded, headers, self._sizes, self._digests = self._index()
-        self.name = bag.resolve().stem + ("" if wanted is None else "_" + wanted.replace("/", "_"))
-        if len(self._recorded) == 0:
-            raise InputError(f"{bag} has no messages on topic {self._topic}; record it again or give another topic")
-        self._stamps = self._choose_stamps(headers)
 
     @property
     def address(self) -> Path:
@@ -85,7 +86,7 @@ class RosbagSequence(Sequence):
         return self._address
 
     def __len__(self) -> int:
-        return len(self._recorded)
+        return len(self._rows)
 
     def __getitem__(self, index: int) -> Scan:
         index = self._scan_number(index)
@@ -100,138 +101,115 @@ class RosbagSequence(Sequence):
         return self._stamps
 
     @property
-    def warnings(self) -> list[str]:
-        """What is wrong with the number and the order of the messages and the times of their points."""
-        counted = sum(connection.msgcount for connection in self._connections())
-        lost = f"{self._where()} holds {len(self)} of the {counted} messages that its bag counts; it was cut or damaged"
-        return [*([lost] if counted > len(self) else []), *self._warnings, *self._point_times.warnings]
+    def is_compensated(self) -> bool | None:
+        """Whether it is known that scans are motion-compensated: those that came in a map's frame are."""
+        return None if self._T_frame_sensor is None else True
 
     @property
+    def reference_poses(self) -> Pose | None:
+        """(len, 4, 4) T_world_sensor by which clouds were taken out of a map's frame; None where they were not."""
+        T = self._T_frame_sensor
+        return None if T is None else inverse(T[0]) @ T
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is wrong with the number and the order of the messages and the times of their points."""
+        return [*self._warnings, *self._point_times.warnings]
+
+    @cached_property
     def repeats(self) -> Mask:
         """(len,) bool: messages with the points of the one before; those without points are none."""
-        return np.concatenate([[False], (self._digests[1:] == self._digests[:-1]) & (self._digests[1:] != EMPTY)])
+        repeats = np.zeros(len(self), bool)
+        digest = cache(self._digest)
+        for i in (np.flatnonzero(np.diff(self._sizes) == 0) + 1).tolist():  # of another size, it holds something else
+            repeats[i] = digest(i - 1) == digest(i) != EMPTY
+        return repeats
 
     def fingerprint(self) -> str:
         """Return a text that changes when the bag's files do, or the topic."""
-        return f"{super().fingerprint()}:{self._topic}:{digest_of_files(_files(self.source))}"
+        return f"{super().fingerprint()}:{self._topic.name}:{digest_of_files(self._bag.paths)}"
 
     def __getstate__(self) -> dict[str, Any]:
-        return {key: value for key, value in self.__dict__.items() if key != "_threads"}
+        return {key: value for key, value in self.__dict__.items() if key != "_decoder"}
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state, _threads=threading.local())
-
-    @property
-    def _reader(self) -> Any:
-        """The opened bag; one for each thread, as readers are not made to be shared."""
-        if not hasattr(self._threads, "reader"):
-            anyreader, typesys = import_extra("rosbags.highlevel", "ros"), import_extra("rosbags.typesys", "ros")
-            # Bags of early ROS 2 do not store their types; this one has not changed since.
-            types = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-            for file in _files(self.source):
-                require_regular(file)
-            reader = anyreader.AnyReader([self.source], default_typestore=types)
-            reader.open()
-            self._threads.reader = reader
-        return self._threads.reader
-
-    @cached_property
-    def frame_id(self) -> str:
-        """The frame that the first cloud's header names."""
+    def mounts(self) -> list[Joint]:
+        """Return the transforms that /tf_static holds."""
         with _reported(self.source):
-            connection, _, raw = next(self._reader.messages(connections=self._connections()))
-            return str(self._reader.deserialize(raw, connection.msgtype).header.frame_id).strip("/")
+            return list(joints_of(Bag(self.source), "/tf_static"))
 
-    def static_transforms(self) -> list[tuple[str, str, list[float], list[float]]]:
-        """Return parent, child, translation and quaternion (scalar last) of each transform in /tf_static."""
-        found = []
+    # ---------------------------------------------------------------------------------------------------- messages
+    def _head(self, row: npt.NDArray[np.int64]) -> tuple[float, str]:
+        return bag_messages.head(self._bag.read(row, bag_messages.head_size(self._topic)), self._topic)
+
+    def _points_counted(self, index: int) -> int | None:
+        if self._topic.kind != bag_messages.CLOUD:
+            return None
         with _reported(self.source):
-            joints = [c for c in self._reader.connections if c.topic == "/tf_static"]
-            for connection, _, raw in self._reader.messages(connections=joints) if joints else ():
-                for joint in self._reader.deserialize(raw, connection.msgtype).transforms:
-                    t, q = joint.transform.translation, joint.transform.rotation
-                    names = joint.header.frame_id.strip("/"), joint.child_frame_id.strip("/")
-                    found.append((*names, [t.x, t.y, t.z], [q.x, q.y, q.z, q.w]))
-        return found
+            return points_counted(self._bag.read(self._rows[index]), self._topic.encoding == "cdr")
 
-    def _connections(self) -> list[Any]:
-        return [c for c in self._reader.connections if c.topic == self._topic and c.msgtype in _TYPES]
-
-    def _index(self) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray, npt.NDArray]:
-        """Return (N,) times of recording (ns), headers' stamps (s), sizes and digests of all messages, as recorded."""
-        rows = [
-            (recorded, header_stamp(raw, self._reader.is2), len(raw), self._digest(raw, connection.msgtype))
-            for connection, recorded, raw in self._reader.messages(connections=self._connections())
-        ]
-        recorded, headers, sizes, digests = zip(*rows, strict=True) if rows else ((), (), (), ())
-        return np.array(recorded, np.int64), np.array(headers, np.float64), np.array(sizes, int), np.array(digests)
-
-    def _digest(self, raw: bytes | memoryview, kind: str) -> int:
-        return cloud_digest(raw, self._reader.is2) if kind == _CLOUD else zlib.crc32(raw[len(raw) // 2 :])
-
-    def _choose_stamps(self, headers: npt.NDArray[np.float64]) -> npt.NDArray[np.float64] | None:
-        said, n_unset = [], count_unset(headers)
-        if n_unset:
-            of_all = f"{n_unset} of {len(headers)} headers have no stamp"
-            said = [f"{self._where()}: {of_all}; the times of recording are taken for all scans."]
-            headers = (1e-9 * self._recorded).astype(np.float64)
-        found = put_in_order(headers, self.names, self._where())
-        self._warnings, self._messages = [*said, *found.warnings], found.order
-        self._digests, self._sizes = self._digests[found.order], self._sizes[found.order]
-        return found.stamps
+    def _digest(self, index: int) -> int:
+        with _reported(self.source):
+            return bag_messages.digest(self._bag.read(self._rows[index]), self._topic)
 
     def _columns(self, index: int) -> Columns:
-        message = int(self._messages[index])
-        recorded = int(self._recorded[message])
-        which = message - int(np.searchsorted(self._recorded, recorded))  # of those recorded at the same time
         with _reported(self.source):
-            messages = self._reader.messages(connections=self._connections(), start=recorded, stop=recorded + 1)
-            for k, (connection, _, raw) in enumerate(messages):
-                if k == which:
-                    where = f"{self._where()}, scan {index}"
-                    if connection.msgtype != _CLOUD:
-                        return livox_message.read_columns(raw, self._reader.is2, where)
-                    return read_columns(self._reader.deserialize(raw, _CLOUD), where)
-        raise InputError(f"{self.source} has changed since it was opened; run the command again")
+            raw, where = self._bag.read(self._rows[index]), f"{self._where()}, scan {index}"
+            decoder = self._decoder if self._topic.kind == bag_messages.PACKETS else None
+            columns = bag_messages.read_message(raw, self._topic, where, decoder)
+        if self._T_frame_sensor is None:
+            return columns
+        points = transform(inverse(self._T_frame_sensor[index]), coordinates(columns, self._where(index)))
+        return {**columns, **{axis: points[:, k] for k, axis in enumerate("xyz")}}
 
     @cached_property
-    def _point_times(self) -> PointTimes:
-        """How the points' times are read, determined once: a scan of few points may not show it."""
-        gap = float(np.median(np.diff(self._stamps))) if self._stamps is not None and len(self) > 2 else None
-        return judge_times([self._columns(int(np.argmax(self._sizes)))], self._where(), gap)
+    def _decoder(self) -> SweepDecoder:
+        return SweepDecoder(self._packets(), str(self._where()))
+
+    def _packets(self) -> Iterator[bytes]:
+        for row in self._rows:
+            packets = read_packets(self._bag.read(row), self._topic.encoding == "cdr", str(self._where()))
+            yield from (payload.tobytes() for payload in packets.payloads)
+
+    # -------------------------------------------------------------------------------------------- time and place
+    def _put_in_order(self, stamps: npt.NDArray[np.float64]) -> list[str]:
+        """Put the messages in the order of their headers' stamps, seconds; return what to say of it."""
+        said, n_unset = [], count_unset(stamps)
+        if n_unset:
+            of_all = f"{n_unset} of {len(stamps)} headers have no stamp"
+            said = [f"{self._where()}: {of_all}; the times of recording are taken for all scans."]
+            stamps = (1e-9 * self._rows[:, 0]).astype(np.float64)
+        found = put_in_order(stamps, self.names, self._where())
+        self._rows, self._sizes, self._stamps = self._rows[found.order], self._sizes[found.order], found.stamps
+        return [*said, *found.warnings]
+
+    def _find_sensor(self) -> Pose | None:
+        """Return (len, 4, 4) the sensor's poses in the frame of the clouds, None where that is the sensor's own."""
+
+        def points(index: int) -> npt.NDArray[np.float64]:
+            return coordinates(self._columns(index), self._where(index)).astype(np.float64)
+
+        is_told = is_named_world(self.frame_id) or self.frame_id in odometry_frames(self._bag)
+        if not is_told:
+            with suppress(InputError):
+                return find_frame(points, len(self), [], False, self._where())
+        stamps = self._stamps
+        poses, faults = ([], []) if stamps is None else poses_in(self._bag, self.frame_id, stamps)
+        try:
+            return find_frame(points, len(self), poses, is_told and bool(poses), self._where())
+        except InputError:
+            raise InputError(
+                f"{self._where()} holds clouds in a world frame ({self.frame_id!r}), not in the sensor's, and no "
+                "odometry or /tf in the bag says where the sensor was; record the sensor's own topic, too, or the "
+                f"odometry{''.join(f' ({fault})' for fault in faults)}"
+            ) from None
 
     def _where(self, index: int | None = None) -> Path:
-        return self.source / self._topic.strip("/") / ("" if index is None else f"{index:06d}")
-
-
-def _files(bag: Path) -> list[Path]:
-    """Return what a bag is made of: the file itself, or what lies in its folder beside other folders."""
-    return sorted(file for file in bag.iterdir() if not file.is_dir()) if bag.is_dir() else [bag]
-
-
-def _choose_topic(reader: Any, bag: Path, wanted: str | None) -> str:
-    """Return the topic to read: the one that is `wanted`, else the only one of PointCloud2."""
-    clouds = sorted({c.topic for c in reader.connections if c.msgtype in _TYPES})
-    if wanted is not None:
-        match = next((topic for topic in clouds if topic.strip("/") == wanted), None)
-        if match is None:
-            raise InputError(f"{bag} has no topic /{wanted} of point clouds; it has: {', '.join(clouds) or 'none'}")
-        return match
-    if not clouds:
-        others = ", ".join(sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections})[:10]) or "none"
-        raise InputError(f"{bag} has no topic of type {_CLOUD} or of Livox's CustomMsg; its topics are: {others}")
-    if len(clouds) > 1:
-        first = bag / clouds[0].strip("/")
-        raise InputError(
-            f"{bag} has {len(clouds)} topics of point clouds ({', '.join(clouds)}); give one, as {first}, or several, "
-            "joined by +, to merge them"
-        )
-    return clouds[0]
+        return self.source / self._topic.name.strip("/") / ("" if index is None else f"{index:06d}")
 
 
 @contextmanager
 def _reported(bag: Path) -> Iterator[None]:
-    """Turn whatever the reader of bags stumbles over into one sentence: damaged files break it in many ways."""
+    """Turn whatever a reader of bags stumbles over into one sentence: damaged files break it in many ways."""
     try:
         with limited(bag):
             yield

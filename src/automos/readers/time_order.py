@@ -13,6 +13,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.errors import InputError
+from automos.core.pose_files import lines_of_scans
+from automos.core.reading import read_text
+from automos.core.scan import LATEST
+
 _MIXED = 3
 """Scans put in their right order change between the runs they came in about as often as the clock ran back. Where they
 do more than this often for each time, two runs of the clock overlap."""
@@ -20,6 +25,24 @@ _HOLE = 60.0
 """Seconds between two runs of the clock, put in order, from which the second is not taken to follow the first."""
 _ONE_TIME = 1e-9
 """Seconds, below the resolution of any clock: times that differ by less are equal."""
+
+
+def read_times(path: Path, names: Sequence[str]) -> npt.NDArray[np.float64]:
+    """Return (N,) the seconds that the file at `path` holds of scans called `names`, one a line.
+
+    Raises
+    ------
+    InputError
+        It holds something else, or other numbers of them than the scans' names pick.
+    """
+    try:
+        times = np.array([float(line) for line in read_text(path).splitlines() if line.strip()])
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} must hold one time in seconds a line: {error}") from None
+    is_time = np.abs(times) < LATEST
+    if not is_time.all():
+        raise InputError(f"{path}, line {int(np.argmin(is_time)) + 1}: the time is not a number of seconds")
+    return times[lines_of_scans(len(times), len(names), names, path, "times")]
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.scan import MIN_RANGE, Points
+from automos.core.scan import MIN_RANGE
 
 UNITS = {"centimetres": 0.01, "millimetres": 0.001}
 """Metres of what recorders write beside metres."""
@@ -28,7 +28,7 @@ MIN_POINTS = 100
 """Number of points from which ranges determine the unit."""
 
 
-def unit_of(cloud: Points) -> tuple[float, list[str]]:
+def unit_of(cloud: npt.NDArray[np.floating]) -> tuple[float, list[str]]:
     """Return metres per unit of the coordinates of a scan, `cloud` (N, 3), and what to say of it.
 
     Examples
@@ -48,7 +48,7 @@ def unit_of(cloud: Points) -> tuple[float, list[str]]:
     return unit, [f"coordinates reach {far:,.0f} from the sensor, which are not metres; they are taken for {name}."]
 
 
-def _ranges(cloud: Points) -> npt.NDArray[np.float64]:
+def _ranges(cloud: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
     few = cloud[:: max(len(cloud) // 2000, 1)]
     ranges = np.linalg.norm(few[np.isfinite(few).all(axis=1)].astype(np.float64), axis=1)
     return ranges[ranges > MIN_RANGE]

@@ -1,4 +1,4 @@
-"""Packets of Velodyne sensors: a .pcap alone, as Wireshark, tcpdump or VeloView record it.
+"""Packets of Velodyne sensors: a .pcap or .pcapng alone, as Wireshark, tcpdump or VeloView record it.
 
 Where the sweeps begin is found once; one is decoded, by velodyne-decoder, when asked for. A scan is the returns of a
 sweep in the order of their measurement, both of a sensor that gives two, where they differ. Of several sensors one is
@@ -20,13 +20,13 @@ from automos.core.scan import Scan, Sequence
 from automos.readers.foreign import limited
 from automos.readers.formats import Format, recordings_at
 from automos.readers.listed import digest_of_files, require_increasing
-from automos.readers.pcap import Capture, Datagrams, join, open_capture, sender_name
+from automos.readers.pcap import CAPTURES, Capture, Datagrams, join, open_capture, sender_name
 from automos.readers.sensor_choice import choose_sensor, split_sensor
 from automos.readers.velodyne_decoder import SweepDecoder
 from automos.readers.velodyne_sweeps import find_packets, find_sweeps
 
-_LOOKED_AT = (24, 1 << 23)
-"""The part of a capture that is searched for a Velodyne's packets: 8 MB after the header."""
+_LOOKED_AT = (0, 1 << 23)
+"""The part of a capture that is searched for a Velodyne's packets: its first 8 MB."""
 
 
 def find(path: Path) -> list[Path]:
@@ -35,7 +35,7 @@ def find(path: Path) -> list[Path]:
 
 
 def _is_velodynes(path: Path) -> bool:
-    if path.suffix != ".pcap" or not path.is_file():
+    if path.suffix not in CAPTURES or not path.is_file():
         return False
     try:
         return len(next(find_packets(open_capture(path), *_LOOKED_AT), ())) > 0
@@ -119,7 +119,7 @@ class VelodyneSequence(Sequence):
 
 
 FORMAT = Format(
-    layout="Velodyne packets: a .pcap; of several sensors give one: drive.pcap/ADDRESS-PORT",
+    layout="Velodyne packets: a .pcap or .pcapng; of several sensors give one: drive.pcap/ADDRESS-PORT",
     truth="",
     find=find,
     open=VelodyneSequence,

@@ -8,11 +8,11 @@ from itertools import chain, islice
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import yaml
 
 from automos.core.errors import InputError
 from automos.core.scan import Scan
+from automos.readers.columns import Columns
 from automos.readers.formats import import_extra
 from automos.readers.pcap import Datagrams
 from automos.readers.velodyne_sweeps import clock_of
@@ -41,7 +41,7 @@ class SweepDecoder:
         MissingExtraError
             The library is not installed.
         """
-        rows = self._decode(packets)
+        rows = self.columns(packets)
         return Scan(
             np.column_stack([rows[axis] for axis in "xyz"]),
             intensity=np.ascontiguousarray(rows["intensity"]),
@@ -51,18 +51,19 @@ class SweepDecoder:
             name=name,
         )
 
-    def _decode(self, packets: Datagrams) -> npt.NDArray:
-        """Return the returns in `packets` as the library's records."""
+    def columns(self, packets: Datagrams) -> Columns:
+        """Return x, y, z, intensity, time (s since the first) and ring of the returns in a sweep's packets."""
         decoder = import_extra("velodyne_decoder", "velodyne")
         sent = zip(clock_of(packets).tolist(), packets.payloads.tolist(), strict=True)
         vector = decoder.PacketVector([decoder.VelodynePacket(seconds, payload) for seconds, payload in sent])
         try:
-            return decoder.ScanDecoder(self._config).decode(vector, as_pcl_structs=True)[1]
+            rows = decoder.ScanDecoder(self._config).decode(vector, as_pcl_structs=True)[1]
         except (RuntimeError, ValueError) as error:
             raise InputError(
                 f"{self._source} cannot be decoded as packets of a Velodyne ({error}); convert it with its maker's "
                 "tools"
             ) from error
+        return {name: rows[name] for name in ("x", "y", "z", "intensity", "time", "ring")}
 
     @cached_property
     def _config(self) -> Any:

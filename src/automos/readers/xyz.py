@@ -1,11 +1,13 @@
 """Points as text, one a line: x y z [intensity [ring]], or columns named in the first line.
 
 Blanks, tabs, commas or semicolons divide the columns; lines starting with # or // are comments, and one before the
-numbers that names x, y and z names the columns; else the first line that is none may.
+numbers that names x, y and z names the columns; else the first line that is none may. Names may hold blanks where
+something else divides them.
 """
 
 from __future__ import annotations
 
+import csv
 import re
 from codecs import BOM_UTF8
 from pathlib import Path
@@ -14,7 +16,8 @@ import numpy as np
 
 from automos.core.errors import InputError
 from automos.core.reading import read_bytes
-from automos.readers.columns import Columns, from_matrix
+from automos.readers.columns import UNNAMED, Columns, from_matrix, plain_names
+from automos.readers.layouts import parse_columns
 from automos.readers.text import parse_table
 
 _DIVIDERS = bytes.maketrans(b",;", b"  ")
@@ -24,21 +27,24 @@ _COMMA_WITHIN, _BLANK_BETWEEN = re.compile(rb"\d,\d"), re.compile(rb"[^,\s][ \t]
 """Where a line has both, its commas are those of decimals."""
 _COMMENT = re.compile(rb"(#|//)[^\n]*")
 _REMARK = re.compile(rb"\s*(#|//)[^\n]*\n?")
+_SEPARATOR = re.compile(rb"\Asep=.\n")
+"""What spreadsheets are told."""
 
 
-def read(path: Path) -> Columns:
-    """Return the columns of one file, by the names in its first line or as x, y, z, intensity, ring."""
+def read(path: Path, columns: str = "") -> Columns:
+    """Return the columns of one file, as `columns` or its first line names them, else x, y, z, intensity, ring."""
     text = read_bytes(path).removeprefix(BOM_UTF8).lstrip()  # spreadsheets begin "CSV UTF-8" with that mark
     if b"\r" in text:
         text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    text = _SEPARATOR.sub(b"", text)
     first_line, _, rest = _behind_remarks(text).partition(b"\n")
     names = _names_in(first_line)
     axes = [name.lower() for name in names if name.lower() in ("x", "y", "z")]
     if len(set(axes)) < len(axes) or any(map(_is_number, names)):
         raise InputError(f"{path} names x, y or z twice, or a column by a number, in its first line; copy it again")
-    if names and _has_empty_cell(first_line):
-        raise InputError(f"{path} has a column without a name in its first line; write a name, or leave the column out")
     numbers = _without_comments(rest if names else text)
+    if b";" in numbers and b"," in numbers and b"." not in numbers:
+        numbers = numbers.replace(b",", b".")  # of countries that write decimals so
     _require_one_divider(numbers, path)
     try:
         matrix = parse_table(numbers.translate(_DIVIDERS))
@@ -46,11 +52,13 @@ def read(path: Path) -> Columns:
         raise InputError(f"{path} is not a table of numbers: {error}") from None
     if len(matrix) == 0:
         matrix = np.zeros((0, len(names) or 3))
-    if not names:
-        return from_matrix(matrix, path)
+    if columns or not names:
+        return from_matrix(matrix, path, parse_columns(columns).names or UNNAMED if columns else UNNAMED)
     if len(names) != matrix.shape[1]:
-        raise InputError(f"{path} names {len(names)} columns in its first line but has {matrix.shape[1]}")
-    return dict(zip(names, matrix.T, strict=True))
+        raise InputError(
+            f"{path} names {len(names)} columns in its first line but has {matrix.shape[1]}; name them with --columns"
+        )
+    return {name or f"_{i}": matrix[:, i] for i, name in enumerate(names)}
 
 
 def _require_one_divider(numbers: bytes, path: Path) -> None:
@@ -82,15 +90,22 @@ def _behind_remarks(text: bytes) -> bytes:
 
 
 def _names_in(line: bytes) -> list[str]:
-    return _names(line.translate(_DIVIDERS, b'"').decode("utf-8", "replace"))  # statistics programs quote names
-
-
-def _names(first_line: str) -> list[str]:
-    """Return the column names that the first line holds, none if it holds numbers or a remark."""
-    words = first_line.lstrip("#/ ").split()
-    if first_line.startswith(("#", "//")):
-        return words if {"x", "y", "z"} <= {word.lower() for word in words} else []
-    return [] if all(map(_is_number, words)) else words
+    """Return the column names that a line holds, none if it holds numbers or a remark."""
+    if all(map(_is_number, line.translate(_DIVIDERS).decode("utf-8", "replace").split())):
+        return []
+    text = line.decode("utf-8", "replace").strip()
+    is_remark = text.startswith(("#", "//"))
+    text = text.lstrip("#/ ") if is_remark else text
+    bare = re.sub('"[^"]*"', "", text)  # statistics programs quote names
+    divider = next((mark for mark in "\t;," if mark in bare), None)
+    if divider is None:
+        names = [quoted or word for quoted, word in re.findall(r'"([^"]*)"|(\S+)', text)]
+    else:
+        names = [name.strip() for name in next(csv.reader([text], delimiter=divider, skipinitialspace=True))]
+        names = names if names[-1] else names[:-1]
+    if is_remark:
+        return names if {"x", "y", "z"} <= set(plain_names(names)) else []
+    return names
 
 
 def _is_number(word: str) -> bool:

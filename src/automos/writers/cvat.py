@@ -17,7 +17,7 @@ from automos.results.run_files import RunFiles
 from automos.results.tracks_file import VERDICTS
 from automos.writers.formats import Export
 from automos.writers.pcd import write_pcd
-from automos.writers.point_columns import scan_columns
+from automos.writers.point_columns import seen_columns
 
 ANNOTATIONS = "annotations/default.json"
 CLOUDS = "point_clouds/default"
@@ -32,7 +32,7 @@ def write(run: RunFiles, out: Path) -> None:
     items = []
     for index in run.each("writing task"):
         name, scan = run.names[index], run.scan(index)
-        write_pcd(out / CLOUDS / f"{name}.pcd", scan_columns(scan, run.points_upright(scan, index)))
+        write_pcd(out / CLOUDS / f"{name}.pcd", seen_columns(scan, run.points_upright(scan, index))[0])
         items.append(_item(run, index))
     labels = [{"name": verdict, "parent": "", "attributes": []} for verdict in VERDICTS]
     document = {

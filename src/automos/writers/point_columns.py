@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.scan import Points, Scan
+from automos.core.scan import Mask, Points, Scan
 from automos.results.run_files import RunFiles
 
 
@@ -34,6 +34,12 @@ def scan_columns(scan: Scan, points: Points) -> dict[str, npt.NDArray]:
         if column is not None:
             columns[name] = column
     return columns
+
+
+def seen_columns(scan: Scan, points: Points) -> tuple[dict[str, npt.NDArray], Mask]:
+    """Return what `scan_columns` does of the points that are finite, as tools show no others, and which are (N,)."""
+    is_finite = np.asarray(np.isfinite(points).all(axis=1))
+    return {name: column[is_finite] for name, column in scan_columns(scan, points).items()}, is_finite
 
 
 def packed_rows(columns: dict[str, npt.NDArray]) -> npt.NDArray:

@@ -14,12 +14,12 @@ import numpy as np
 
 from automos.core.atomic import atomic_path, write_text
 from automos.core.labels import Label
-from automos.core.scan import Pose
+from automos.core.scan import Mask, Pose
 from automos.results.run_files import RunFiles
 from automos.results.tracks_file import VERDICTS
 from automos.writers.formats import Export
 from automos.writers.pcd import write_pcd
-from automos.writers.point_columns import scan_columns
+from automos.writers.point_columns import seen_columns
 from automos.writers.sustech import xyz
 
 CATEGORIES = {verdict: number for number, verdict in enumerate(VERDICTS, start=1)}
@@ -39,7 +39,8 @@ def write(run: RunFiles, out: Path) -> None:
         segmentation.write('{"format_version": "0.2", "frames": [')
         for index in run.each("writing sample"):
             name, scan = run.names[index], run.scan(index)
-            write_pcd(out / "pointclouds" / f"{name}.pcd", scan_columns(scan, run.points_at_pose(scan, index)))
+            columns, is_finite = seen_columns(scan, run.points_at_pose(scan, index))
+            write_pcd(out / "pointclouds" / f"{name}.pcd", columns)
             timestamp = round(1e9 * run.stamps[index])
             samples.append(
                 {
@@ -50,7 +51,7 @@ def write(run: RunFiles, out: Path) -> None:
                 }
             )
             cuboids.append({"format_version": "0.2", "timestamp": timestamp, "annotations": _cuboids(run, index)})
-            segmentation.write((", " if index else "") + json.dumps(_segmentation(run, index, len(scan), loose)))
+            segmentation.write((", " if index else "") + json.dumps(_segmentation(run, index, is_finite, loose)))
         segmentation.write("]}")
     write_text(out / "sample.json", json.dumps({"frames": samples}))
     write_text(out / "cuboids.json", json.dumps({"format_version": "0.2", "frames": cuboids}))
@@ -84,9 +85,12 @@ def _cuboids(run: RunFiles, index: int) -> list[dict[str, Any]]:
     ]
 
 
-def _segmentation(run: RunFiles, index: int, n_points: int, loose: int) -> dict[str, Any]:
-    """Return one frame: object 1 is all that is static, the moving track k is k + 1, what moves on no track `loose`."""
-    label, instance = run.labels(index, n_points), run.instances(index, n_points)
+def _segmentation(run: RunFiles, index: int, is_finite: Mask, loose: int) -> dict[str, Any]:
+    """Return one frame of the points that are written, `is_finite` (N,).
+
+    Object 1 is all that is static, the moving track k is k + 1, and what moves on no track is `loose`.
+    """
+    label, instance = (of(index, len(is_finite))[is_finite] for of in (run.labels, run.instances))
     objects = np.select([label == Label.MOVING, label == Label.STATIC], [instance + 1, 1], 0)
     objects[(label == Label.MOVING) & (instance == 0)] = loose
     found = [int(number) for number in np.unique(objects) if number > 0]

@@ -16,7 +16,7 @@ from automos.core.atomic import write_text
 from automos.results.run_files import RunFiles
 from automos.writers.formats import Export
 from automos.writers.pcd import write_pcd
-from automos.writers.point_columns import scan_columns
+from automos.writers.point_columns import seen_columns
 from automos.writers.sustech import xyz
 
 _COLORS = {"moving": "#E5484D", "static": "#8B8D98", "unknown": "#F5D90A"}
@@ -29,7 +29,7 @@ def write(run: RunFiles, out: Path) -> None:
     frames = []
     for index in run.each("writing episode"):
         name, scan = run.names[index], run.scan(index)
-        write_pcd(episode / "pointcloud" / f"{name}.pcd", scan_columns(scan, run.points_upright(scan, index)))
+        write_pcd(episode / "pointcloud" / f"{name}.pcd", seen_columns(scan, run.points_upright(scan, index))[0])
         frames.append({"index": index, "figures": _figures(run, index)})
     annotation = {
         "description": "",

@@ -15,7 +15,7 @@ from automos.results.run_files import RunFiles
 from automos.results.tracks_file import VERDICTS
 from automos.writers.formats import Export
 from automos.writers.pcd import write_pcd
-from automos.writers.point_columns import scan_columns
+from automos.writers.point_columns import seen_columns
 
 
 def write(run: RunFiles, out: Path) -> None:
@@ -24,7 +24,7 @@ def write(run: RunFiles, out: Path) -> None:
         (out / folder).mkdir(parents=True, exist_ok=True)
     for index in run.each("writing scene"):
         name, scan = run.names[index], run.scan(index)
-        write_pcd(out / "lidar" / f"{name}.pcd", scan_columns(scan, run.points_upright(scan, index)))
+        write_pcd(out / "lidar" / f"{name}.pcd", seen_columns(scan, run.points_upright(scan, index))[0])
         found = run.boxes_upright(index)
         boxes = [
             {

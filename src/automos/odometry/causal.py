@@ -16,24 +16,23 @@ import numpy.typing as npt
 
 from automos.core.geometry import inverse, se3_log
 from automos.core.scan import Pose, Scan
+from automos.odometry.background import BackgroundTask, find_timing, timing_from_times, usual_timing
 from automos.odometry.clock import USUAL_PERIOD
-from automos.odometry.kiss import TRIAL_SCANS, find_start
+from automos.odometry.fixed_lag import FixedLag, Posed, TimedScan
 from automos.odometry.moving_windows import MIN_BEND
 from automos.odometry.sweep_timing import SAME_TIME, SweepTiming
-from automos.online.background import BackgroundTask, find_timing, timing_from_times, usual_timing
-from automos.online.path import Path, Posed, TimedScan
 from automos.settings import OdometrySettings
 
 TIMING_SCANS = 16
 """Scans with motion from which the timing of sweeps is determined: fewer were unreliable."""
-OTHER_START = 0.3
-"""Metres per scan from which two initial speeds are different."""
 REMADE = 40
 """Scans that are registered again, at most."""
 AT_ONCE = 8
 """Of them, per new scan: beside the stream on another core, in about the time of one scan."""
-START_SCANS, START_DELAY = (3, 6, TRIAL_SCANS), 0.1
-"""Scans from which the initial speed is estimated, early and then more reliably, and seconds until it is used."""
+SPEED_SCANS, SPEED_DELAY = 3, 0.5
+"""Scans in which the speed is first searched, and seconds until a result is used, at most: few scans take less."""
+SELDOM = 4.0
+"""Seconds between searches for the speed, at most: about what one sees. At first there are none, later they double."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +45,8 @@ class Moved:
         Seconds.
     posed : Posed
         Its pose, in the world of the current path.
+    refined : dict[float, (4, 4) float64]
+        T_world_sensor of the last scans there, by stamp, as refined with this one.
     again : tuple[tuple[TimedScan, Posed], ...]
         Earlier scans on the path that will replace the current one; both paths start in the same world.
     T_before_now : (4, 4) float64, optional
@@ -55,6 +56,7 @@ class Moved:
 
     stamp: float
     posed: Posed
+    refined: dict[float, Pose]
     again: tuple[tuple[TimedScan, Posed], ...] = ()
     T_before_now: Pose | None = None
 
@@ -62,7 +64,7 @@ class Moved:
 class _Correction:
     """A new path through the last scans, while it catches up."""
 
-    def __init__(self, path: Path, todo: list[TimedScan], pool: ThreadPoolExecutor):
+    def __init__(self, path: FixedLag, todo: list[TimedScan], pool: ThreadPoolExecutor):
         self.path, self._pool = path, pool
         self.made: list[tuple[TimedScan, Pose]] = []
         self._todo = deque(todo)
@@ -78,12 +80,12 @@ class _Correction:
         """Append a new scan, and start registering the next few."""
         self._todo.append(timed)
         few = [self._todo.popleft() for _ in range(min(AT_ONCE, len(self._todo)))]
-        self._future = self._pool.submit(lambda: [(timed, self.path.follow(timed)) for timed in few])
+        self._future = self._pool.submit(lambda: [(timed, self.path.push(timed)) for timed in few])
 
     def catch_up(self) -> None:
         """Start registering all remaining scans."""
         todo, self._todo = list(self._todo), deque()
-        self._future = self._pool.submit(lambda: [(timed, self.path.follow(timed)) for timed in todo])
+        self._future = self._pool.submit(lambda: [(timed, self.path.push(timed)) for timed in todo])
 
     @property
     def has_caught_up(self) -> bool:
@@ -91,7 +93,7 @@ class _Correction:
         return self._future is not None and not self._todo
 
 
-class CausalOdometry:
+class Odometry:
     """The motion of the sensor, scan by scan."""
 
     def __init__(
@@ -106,26 +108,26 @@ class CausalOdometry:
             timing = SweepTiming()
         self._settings, self._pool, self._is_compensated = settings, pool, is_compensated
         self._timing_task: BackgroundTask[SweepTiming] | None = None if timing is not None else BackgroundTask(2.0)
-        self._start_task: BackgroundTask[npt.NDArray[np.float64]] | None = BackgroundTask(START_DELAY)
-        self._trials = deque(START_SCANS)
+        self._speed_task: BackgroundTask[dict[float, npt.NDArray[np.float64]]] = BackgroundTask(SPEED_DELAY)
+        self._search_at, self._pause = -np.inf, 0.0  # stamp of the next search, and seconds since the one before
         self._n, self._stamp, self._steps = 0, 0.0, deque[float](maxlen=50)
         self._last = deque[tuple[TimedScan, Pose]](maxlen=REMADE)
-        self._path = Path(settings, timing or SweepTiming(), None, np.eye(4))
+        self._path = FixedLag(settings, timing or SweepTiming(), pool=pool)
         self._correction: _Correction | None = None
 
-    def step(self, scan: Scan) -> Moved:
+    def push(self, scan: Scan) -> Moved:
         """Return the motion of the sensor from the last scan to this one."""
         timed = self._timed(scan)
         if self._timing_task is not None and self._n < 2:
             self._guess_timing(scan)
         again, T_before_now = self._correct()
-        posed = self._path.follow(timed)
+        posed = self._path.push(timed)
         self._n += 1
         self._last.append((timed, posed.T_world_sensor))
         if self._correction is not None:
             self._correction.add(timed)
         self._start_tasks()
-        return Moved(timed.stamp, posed, tuple(again), T_before_now)
+        return Moved(timed.stamp, posed, self._path.poses, tuple(again), T_before_now)
 
     def _guess_timing(self, scan: Scan) -> None:
         """Assume the points' own times, or usual ones from the second scan on: sensors send uncompensated points."""
@@ -137,11 +139,10 @@ class CausalOdometry:
 
     def _start_tasks(self) -> None:
         """Start the background tasks for which there are enough scans."""
-        timing, settings = self._path.timing, self._settings
-        if self._start_task is not None and not self._start_task.is_started and self._n >= self._trials[0]:
-            first = [timed for timed, _ in self._last][: self._trials[0]]
-            scans, gaps = [timed.scan for timed in first], np.array([timed.gap for timed in first[1:]])
-            self._start_task.start(lambda: find_start(scans, settings, timing, gaps), self._stamp)
+        is_settled, settings = self._correction is None, self._settings
+        if is_settled and not self._speed_task.is_started and self._n >= SPEED_SCANS and self._stamp >= self._search_at:
+            self._speed_task = BackgroundTask(min(SPEED_DELAY, 0.5 * self._n * self._period))
+            self._speed_task.start(self._path.speed_search(), self._stamp)
         if self._timing_task is not None and not self._timing_task.is_started and self._n >= TIMING_SCANS:
             last = list(self._last)[-TIMING_SCANS:]
             travelled = np.linalg.norm(np.diff([T[:3, 3] for _, T in last], axis=0), axis=1)
@@ -154,8 +155,6 @@ class CausalOdometry:
         if self._correction is None:
             self._correction = self._pending_correction()
         if self._correction is None:
-            if self._start_task is None and self._timing_task is None:
-                self._last.clear()
             return [], None
         again, T_before_now = self._correction.advance(), None
         if self._correction.has_caught_up:
@@ -166,27 +165,36 @@ class CausalOdometry:
 
     def _pending_correction(self) -> _Correction | None:
         """Return a correction if a background task has a result that changes the poses of the last scans."""
+        if self._n < 2:
+            return None
         if self._n == 2 and self._path.timing.share:  # from now on, the distortion of the first sweep is known
             correction = self._follow_again(self._path.timing, self._path.twist)
             correction.catch_up()
             return correction
-        start = None if self._start_task is None else self._start_task.result(self._stamp)
         timing = None if self._timing_task is None else self._timing_task.result(self._stamp)
-        if start is None and timing is None:
-            return None
-        if start is not None:
-            self._trials.popleft()
-            self._start_task = BackgroundTask(START_DELAY) if self._trials else None
         self._timing_task = self._timing_task if timing is None else None
-        twist = se3_log(inverse(self._last[0][1]) @ self._last[1][1]) / self._last[1][0].gap
-        is_other_start = start is not None and np.linalg.norm(twist[:3] - start[:3]) > OTHER_START
-        if not is_other_start and (timing is None or _are_alike(timing, self._path.timing)):
+        twists = self._searched()
+        self._last = deque([one for one in self._last if one[0].stamp >= self._path.stamps[0]], maxlen=REMADE)
+        is_other = timing is not None and not _are_alike(timing, self._path.timing)
+        second = self._last[1]
+        if second[0].stamp not in twists and not is_other:
             return None
-        return self._follow_again(timing or self._path.timing, twist if start is None else start)
+        measured = se3_log(inverse(self._last[0][1]) @ second[1]) / second[0].gap
+        return self._follow_again(timing or self._path.timing, twists.get(second[0].stamp, measured))
+
+    def _searched(self) -> dict[float, npt.NDArray[np.float64]]:
+        """Return the motion to each of the last scans, by stamp, if a search has found another; and plan the next."""
+        twists = self._speed_task.result(self._stamp)
+        if twists is None:
+            return {}
+        is_new = bool(twists) or self._n < REMADE
+        self._pause = 0.0 if is_new else min(max(2.0 * self._pause, SPEED_DELAY), SELDOM)
+        self._speed_task, self._search_at = BackgroundTask(SPEED_DELAY), self._stamp + self._pause
+        return twists
 
     def _follow_again(self, timing: SweepTiming, twist: npt.NDArray[np.float64]) -> _Correction:
         """Return a new path through the last scans, with an initial motion of `twist` per usual gap."""
-        path = Path(self._settings, timing, twist, self._last[0][1])
+        path = FixedLag(self._settings, timing, twist, self._last[0][1])
         return _Correction(path, [timed for timed, _ in self._last], self._pool)
 
     @property

@@ -1,0 +1,195 @@
+"""A bag: one file, ROS 2's folder of them, or the parts of one drive that its recorder split.
+
+What the files hold says what belongs together: `drive_0.bag+` is that file and those beside it that go on where it
+ends, with the same topics.
+"""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.errors import AutomosError, InputError
+from automos.core.reading import damage_reported, is_there, parse_yaml, read_text, require_regular
+from automos.readers.bag_file import LARGEST, ZSTD, BagFile, Topic, unpack
+from automos.readers.bag_messages import is_of_points
+
+_SUFFIXES = (".bag", ".bag.active", ".mcap", ".db3")
+_KINDS = {
+    b"#ROSBAG V": "bag_ros1:Ros1File",
+    b"\x89MCAP0\r\n": "bag_mcap:McapFile",
+    b"SQLite format 3\0": "bag_sqlite:SqliteFile",
+}
+"""What files of each kind begin with, whatever their names, and what reads them."""
+_PAUSE = 1.0
+"""Seconds from the last cloud of a part to the first of the next: a recorder that was started anew takes longer."""
+
+
+def is_named_so(path: Path) -> bool:
+    """Return whether a file has the name of a bag."""
+    return path.name.lower().endswith(_SUFFIXES)
+
+
+def is_bag(path: Path) -> bool:
+    """Return whether `path` is a bag: a file of one of its kinds, such a file and what goes on from it, or a folder."""
+    if path.name.endswith("+"):
+        path = path.with_name(path.name[:-1])
+        return path.is_file() and is_named_so(path)
+    if path.is_dir():
+        return (path / "metadata.yaml").exists() and any(is_named_so(p) or is_packed(p) for p in path.iterdir())
+    return is_named_so(path) and path.is_file()
+
+
+def is_packed(file: Path) -> bool:
+    """Return whether `file` is one of a bag, compressed as a whole."""
+    return file.suffix == ".zstd" and is_named_so(Path(file.stem))
+
+
+def name_of(bag: Path) -> str:
+    """Return what a recording in a bag is called: its first file, or its folder, without what tells the kind."""
+    name = bag.resolve().name.removesuffix("+")
+    suffix = next((suffix for suffix in _SUFFIXES if name.lower().endswith(suffix)), "")
+    return name[: len(name) - len(suffix)]
+
+
+def split_address(path: Path) -> tuple[Path, str | None]:
+    """Return the bag at or above `path`, and the topic that is named below it."""
+    bag = next(parent for parent in (path, *path.parents) if is_bag(parent))
+    return bag, None if bag == path else path.relative_to(bag).as_posix()
+
+
+def files_of(bag: Path) -> list[Path]:
+    """Return what a bag is made of.
+
+    Raises
+    ------
+    InputError
+        Files that are compressed as a whole: the clouds in them cannot be read one by one.
+    """
+    if bag.name.endswith("+"):
+        first = bag.with_name(bag.name[:-1])
+        return next(drive for drive in drives_of(first.parent) if first in drive)
+    if not bag.is_dir():
+        return [bag]
+    files = sorted(file for file in bag.iterdir() if not file.is_dir())
+    packed = next(filter(is_packed, files), None)
+    if packed is not None:
+        raise InputError(
+            f"{packed} is compressed as a whole, so its messages cannot be read one by one; unpack it (zstd -d "
+            f"{packed.name}) and give the unpacked file"
+        )
+    return [file for file in files if is_named_so(file)]
+
+
+def drives_of(folder: Path) -> list[list[Path]]:
+    """Return the bags among the files of `folder`, those of a drive together, in the order of time."""
+    files = sorted(p for p in folder.iterdir() if not p.name.startswith(".") and not p.is_dir() and is_bag(p))
+    if len(files) < 2:
+        return [[file] for file in files]
+    told = {file: _topics_and_times(file) for file in files}
+    drives: list[list[Path]] = []
+    by_start = sorted((file for file in files if told[file]), key=lambda file: told[file][1:])
+    for file in by_start:
+        topics, start, _ = told[file]
+        going_on = (d for d in drives if told[d[-1]][0] == topics and 0 <= start - told[d[-1]][2] <= 1e9 * _PAUSE)
+        drive = next(going_on, None)
+        drives.append([file]) if drive is None else drive.append(file)
+    return sorted([*drives, *([file] for file in files if not told[file])])
+
+
+def _topics_and_times(file: Path) -> tuple:
+    """Return a file's topics of points, and when the first and the last of their messages were recorded (ns).
+
+    Nothing where there are none, or where the file cannot be read, which is told when it is opened.
+    """
+    try:
+        bag = Bag(file)
+        topics = tuple(topic for topic in bag.topics if is_of_points(topic))
+        recorded = np.concatenate([np.zeros(0, np.int64), *(bag.index(topic)[:, 0] for topic in topics)])
+    except AutomosError:
+        return ()
+    return (topics, int(recorded.min()), int(recorded.max())) if len(recorded) else ()
+
+
+def _open_file(path: Path) -> BagFile:
+    with damage_reported(path):
+        require_regular(path)
+        with open(path, "rb") as file:
+            start = file.read(16)
+        if not start:
+            raise InputError(f"{path} is empty: nothing was recorded, or copied; record or copy it again")
+        kind = next((kind for magic, kind in _KINDS.items() if start.startswith(magic)), None)
+        if kind is None:
+            known = ", ".join(str(magic)[1:] for magic in _KINDS)
+            raise InputError(
+                f"{path} is not a bag: it begins with {str(start)[1:]}, bags with {known}; check what it is"
+            )
+        module, _, name = kind.partition(":")
+        opened: BagFile = getattr(importlib.import_module(f"automos.readers.{module}"), name)(path)
+        return opened
+
+
+class Bag:
+    """The messages of all files of a bag, in the order of time."""
+
+    def __init__(self, path: Path):
+        """Find them; errors are those of `files_of`, and InputError where a file is damaged or of another kind."""
+        self.path, self.paths = path, files_of(path)
+        self._files = [_open_file(file) for file in self.paths]
+
+    @property
+    def topics(self) -> list[Topic]:
+        """The topics of any file, by name."""
+        return sorted({topic for file in self._files for topic in file.topics.values()})
+
+    @property
+    def faults(self) -> list[str]:
+        """Where files were cut off, in sentences."""
+        return [file.fault for file in self._files if file.fault]
+
+    def index(self, *topics: Topic) -> npt.NDArray[np.int64]:
+        """Return (N, 4) of each message of some topics when it was recorded (ns), its file, its chunk and its place."""
+        rows = [np.zeros((0, 4), np.int64)]
+        for k, file in enumerate(self._files):
+            for number, topic in file.topics.items():
+                if topic in topics:
+                    found = file.places(number)
+                    rows.append(np.insert(found, 1, k, axis=1))
+        every = np.concatenate(rows)
+        _, first = np.unique(every[:, 1:], axis=0, return_index=True)  # an index may list a message twice
+        every = every[np.sort(first)]
+        return every[np.argsort(every[:, 0], kind="stable")]
+
+    def read(self, row: npt.NDArray[np.int64], most: int = LARGEST) -> bytes:
+        """Return the first `most` bytes, or all, of the message in a row of the index."""
+        _, file, chunk, place = row.tolist()
+        with damage_reported(self.paths[file]):
+            raw = self._files[file].read(chunk, place, most)
+            if raw.startswith(ZSTD):  # its recorder compressed each message
+                raw = unpack(self._files[file].read(chunk, place), "zstd", most)
+            return raw
+
+    def size(self, row: npt.NDArray[np.int64]) -> int:
+        """Return the bytes of the message in a row of the index, as it lies in its file."""
+        _, file, chunk, place = row.tolist()
+        with damage_reported(self.paths[file]):
+            return self._files[file].size_of(chunk, place)
+
+    def keep(self, *topics: Topic) -> None:
+        """Forget the messages of all other topics."""
+        for file in self._files:
+            file.keep({number for number, topic in file.topics.items() if topic in topics})
+
+    def counted(self, topic: Topic) -> int:
+        """Return how many messages of a topic the bag's own metadata count, 0 where it has none."""
+        about = self.path / "metadata.yaml"
+        if not is_there(about):
+            return 0
+        try:
+            entries = parse_yaml(read_text(about))["rosbag2_bagfile_information"]["topics_with_message_count"]
+            return sum(e["message_count"] for e in entries if e["topic_metadata"]["name"] == topic.name)
+        except (OSError, ValueError, LookupError, TypeError):  # nothing else depends on it
+            return 0

@@ -1,0 +1,96 @@
+"""Messages that hold the points of a LiDAR: which types are read, what their headers say, and their columns.
+
+The definitions of these types are known and have not changed, so those that a bag carries along are not needed: some
+recorders leave them empty, or write a name in their place.
+"""
+
+from __future__ import annotations
+
+import re
+import zlib
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from automos.readers import foxglove_cloud, livox_message, velodyne_message
+from automos.readers.bag_file import LARGEST, Topic
+from automos.readers.columns import Columns
+from automos.readers.formats import import_extra
+from automos.readers.point_cloud2 import cloud_digest, header_frame, header_stamp, read_columns
+from automos.readers.velodyne_decoder import SweepDecoder
+
+CLOUD = "sensor_msgs/msg/PointCloud2"
+PACKETS = velodyne_message.TYPE
+_OLD_CLOUD = "sensor_msgs/msg/PointCloud"
+_OF_ROS = {CLOUD, _OLD_CLOUD, PACKETS, *livox_message.TYPES, foxglove_cloud.ROS}
+_HEAD = 4096
+"""Bytes of a message that hold its header and the name of its frame."""
+_RAW = r"(hesai|pandar|rslidar|robosense|ouster|seyond|lslidar)\w*/.*(packet|scan|frame)|.*/Compressed\w*Cloud"
+"""Packets of drivers, and clouds that only their own library unpacks."""
+
+
+def is_of_points(topic: Topic) -> bool:
+    """Return whether the messages of a topic hold points that are read here."""
+    if topic.kind == foxglove_cloud.OWN:
+        return topic.encoding in ("protobuf", "json")
+    return topic.kind in _OF_ROS and topic.encoding in ("cdr", "ros1")
+
+
+def is_raw(topic: Topic) -> bool:
+    """Return whether a topic holds what points can be made of, by other programs: packets, or compressed clouds."""
+    return re.match(_RAW, topic.kind, re.I) is not None
+
+
+def head_size(topic: Topic) -> int:
+    """Return how many bytes of a message of `topic` say when it was measured, and in which frame."""
+    return LARGEST if topic.encoding == "json" else _HEAD
+
+
+def head(raw: bytes, topic: Topic) -> tuple[float, str]:
+    """Return the stamp (s) and the frame in the header of a message, of which the beginning suffices."""
+    if topic.kind in (foxglove_cloud.OWN, foxglove_cloud.ROS):
+        return foxglove_cloud.head(raw, topic.encoding)
+    is_ros2 = topic.encoding == "cdr"
+    return header_stamp(raw, is_ros2), header_frame(raw, is_ros2)
+
+
+def digest(raw: bytes, topic: Topic) -> int:
+    """Return a number that messages share if they hold the same points, whatever their time; EMPTY if none."""
+    if topic.kind == CLOUD:
+        return cloud_digest(raw, topic.encoding == "cdr")
+    return zlib.crc32(raw[len(raw) // 2 :])
+
+
+def read_message(raw: bytes, topic: Topic, where: str, decoder: SweepDecoder | None = None) -> Columns:
+    """Return the columns of a message, each (N,), in its order; `where` names it in errors, `decoder` reads packets.
+
+    Raises
+    ------
+    InputError
+        The message does not hold what its header promises.
+    """
+    is_ros2 = topic.encoding == "cdr"
+    if topic.kind == PACKETS and decoder is not None:
+        return decoder.columns(velodyne_message.read_packets(raw, is_ros2, where))
+    if topic.kind in livox_message.TYPES:
+        return livox_message.read_columns(raw, is_ros2, where)
+    if topic.kind in (foxglove_cloud.OWN, foxglove_cloud.ROS):
+        return foxglove_cloud.read_columns(raw, topic.encoding, where)
+    message = decoded(raw, topic)
+    if topic.kind == _OLD_CLOUD:
+        axes = {axis: np.array([getattr(point, axis) for point in message.points], np.float32) for axis in "xyz"}
+        return axes | {channel.name: channel.values for channel in message.channels}
+    return read_columns(message, where)
+
+
+def decoded(raw: bytes, topic: Topic) -> Any:
+    """Return a message of ROS by its well-known definition."""
+    types = _types(topic.encoding == "cdr")
+    return (types.deserialize_cdr if topic.encoding == "cdr" else types.deserialize_ros1)(raw, topic.kind)
+
+
+@cache
+def _types(is_ros2: bool) -> Any:
+    typesys = import_extra("rosbags.typesys", "ros")
+    return typesys.get_typestore(typesys.Stores.ROS2_HUMBLE if is_ros2 else typesys.Stores.ROS1_NOETIC)

@@ -1,0 +1,59 @@
+"""Files that no reader takes, known by their first bytes or their names: what they are, and what to do with them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+
+_PACKED = {
+    b"\x1f\x8b": ("gzip", "gunzip -k {}"),
+    b"PK\x03\x04": ("zip", "unzip {}"),
+    b"PK\x05\x06": ("zip", "unzip {}"),
+    b"\x28\xb5\x2f\xfd": ("zstd", "zstd -d {}"),
+    b"\x04\x22\x4d\x18": ("lz4", "lz4 -d {}"),
+    b"BZh": ("bzip2", "bunzip2 -k {}"),
+    b"\xfd7zXZ\0": ("xz", "unxz -k {}"),
+    b"7z\xbc\xaf\x27\x1c": ("7z", "7z x {}"),
+    b"Rar!": ("rar", "unrar x {}"),
+}
+_OTHERS = {
+    b"livox_tech": ("a recording of Livox's viewer", "convert it to a ROS bag with Livox's lvx2rosbag and give that"),
+    b"ASTM-E57": (
+        "an E57 file, as terrestrial scanners write it",
+        "export its scans, one file each and in the scanner's frame, as PCD, PLY or LAS into a folder and give that",
+    ),
+}
+_NAMED = {
+    ".lvx": _OTHERS[b"livox_tech"],
+    ".lvx2": _OTHERS[b"livox_tech"],
+    ".lvx3": _OTHERS[b"livox_tech"],
+    ".e57": _OTHERS[b"ASTM-E57"],
+    ".tar": ("an archive (tar)", "unpack it (tar -xf {}) and give what comes out"),
+    ".rrf": ("a recording of Cepton's viewer", "export its frames as PCD into a folder and give that"),
+    ".tfrecord": ("a file of Waymo's version 1", "download version 2 (Parquet), which holds the same drives"),
+}
+
+
+def what_to_do(path: Path) -> str | None:
+    """Return what the file at `path` is and what to do with it, in a sentence; None where nothing is known of it."""
+    start = b""
+    with suppress(OSError):
+        if path.is_file():
+            with open(path, "rb") as file:
+                start = file.read(16)
+    packed = next((how for magic, how in _PACKED.items() if start.startswith(magic)), None)
+    if packed is not None:
+        kind, command = packed
+        return (
+            f"{path} is compressed ({kind}), so its scans cannot be read one by one; unpack it "
+            f"({command.format(path.name)}) and give what comes out"
+        )
+    known = next((what for magic, what in _OTHERS.items() if start.startswith(magic)), None)
+    known = known or _NAMED.get(path.suffix.lower())
+    return None if known is None else f"{path} is {known[0]}, which is not read; {known[1].format(path.name)}"
+
+
+def first_known(paths: Iterable[Path]) -> str | None:
+    """Return what to do with the first of some files of which something is known."""
+    return next(filter(None, map(what_to_do, paths)), None)

@@ -1,0 +1,187 @@
+"""The columns of records of one size without a header, found from their content.
+
+Coordinates come first, or behind one or two others. Rings are whole numbers that say how steep a ray is, times go on
+from point to point or with the direction, and the first of the other numbers that is not negative is the intensity.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.scan import MIN_RANGE
+from automos.readers.columns import is_measured
+from automos.readers.layouts import LAYOUTS, parse_columns, spell_columns
+from automos.readers.records import SHARE, are_lengths
+
+Rows = npt.NDArray[np.uint8]
+"""(N, size) the bytes of records."""
+
+ENOUGH = 1000
+"""Records from which their bytes say what they are; of fewer, each is a place of its own."""
+_KINDS = ("<f4", "<f8", ">f4", ">f8")
+"""Types of coordinates."""
+_DRIVERS = (
+    "x,y,z,intensity,ring:u2",
+    "x,y,z,intensity,ring:u2,time",
+    "x,y,z,intensity:u1",
+    "x,y,z,intensity:u1,_:u1,line:u1",
+    "x,y,z,intensity:u1,_:u1,line:u1,t:u4",
+    "x,y,z,intensity,t:u4,_:u2,ring:u2,_:u2",
+    "x,y,z,intensity,_:u1,line:u1,timestamp:f8",
+    "x,y,z,intensity,ring:u2,timestamp:f8",
+)
+"""Structs that are no multiple of four bytes, as drivers write them; more than one may have a size."""
+_EXPLAINED = 0.9
+"""Share of the variance of elevations that rings explain, or directions of times."""
+_GOING = 0.95
+"""Share of steps in one direction, in what goes on with time."""
+_SHORTEST, _TICK = 1e-3, 1e-12
+"""Seconds that a sweep lasts, at least, and that no clock tells apart."""
+_ALIKE = 0.3
+"""Correlation of the coordinates of a point with those of the next."""
+_BEAMS = 1024
+"""More than any sensor has."""
+
+
+def columns_of(rows: Rows) -> str | None:
+    """Return the columns of (N, size) `rows`, None where their coordinates cannot be any."""
+    size = rows.shape[1]
+    for columns in _DRIVERS:
+        dtype = parse_columns(columns)
+        if dtype.itemsize == size and _is_of(np.ascontiguousarray(rows).view(dtype)[:, 0]):
+            return columns
+    for kind, first in product(_KINDS, range(3)):
+        width = int(kind[-1])
+        behind = (first + 3) * width
+        if size >= behind and (xyz := _coordinates(rows[:, first * width :], kind)) is not None:
+            before = _rest_of(rows[:, : first * width], xyz, 0, kind)
+            after = [("_", f"V{size - behind}")] if size % 4 else _rest_of(rows, xyz, behind, kind)
+            named = [*before, *((axis, kind) for axis in "xyz"), *after]
+            fields = [(f"_{i}" if name == "_" else name, form) for i, (name, form) in enumerate(named)]
+            columns = spell_columns(np.dtype(fields))
+            return LAYOUTS["bin"] if columns == "x,y,z,_" else columns  # of a constant intensity
+    return None
+
+
+def has_numbers(rows: Rows) -> bool:
+    """Return whether (N, size) `rows` may begin with three lengths, of any type."""
+    width = rows.shape[1] // 3
+    return any(int(kind[-1]) <= width and are_lengths(_first_three(rows, kind)) for kind in _KINDS)
+
+
+def _first_three(rows: Rows, kind: str) -> npt.NDArray[np.float64]:
+    return np.stack([_field(rows, axis * int(kind[-1]), kind) for axis in range(3)], axis=1).astype(np.float64)
+
+
+def is_several(rows: Rows, size: int) -> bool:
+    """Return whether (N, S) `rows` are several records of `size` bytes: the second goes with the first, or is none.
+
+    Where every so many points are no return, these have places of their own in a larger record.
+    """
+    for kind in (kind for kind in _KINDS if 3 * int(kind[-1]) <= size):
+        points = np.stack([_first_three(rows[:, at:], kind) for at in (0, size)])
+        if are_lengths(points):
+            first, second = (
+                both - both.sum(axis=0) / max(len(both), 1) for both in points[:, np.isfinite(points).all(axis=(0, 2))]
+            )
+            alike = (first * second).sum(axis=0) / np.sqrt((first**2).sum(axis=0) * (second**2).sum(axis=0))
+            return not len(first) or bool((alike > _ALIKE).all())
+    return False
+
+
+def _field(rows: Rows, at: int, kind: str) -> npt.NDArray:
+    """Return (N,) the numbers of type `kind` at byte `at` of each row."""
+    return np.ascontiguousarray(rows[:, at : at + int(kind[-1])]).view(kind)[:, 0]
+
+
+def _coordinates(rows: Rows, kind: str) -> npt.NDArray[np.float64] | None:
+    """Return (N, 3) the first three numbers of each row where they can be coordinates, else None."""
+    xyz = _first_three(rows, kind)
+    known = xyz[np.isfinite(xyz).all(axis=1) & xyz.any(axis=1)]
+    if not are_lengths(xyz) or len(known) == 0:
+        return None
+    is_whole = (known == np.floor(known)).mean(axis=0) > SHARE
+    is_number = is_whole.any() and not is_whole.all()
+    is_share = (known.min(axis=0) >= 0.0) & (known.max(axis=0) <= 1.0)  # no sweep lies within a metre
+    is_other = is_number or is_share.any() or not np.ptp(known[:, :2], axis=0).all()
+    is_other = is_other or any(map(_goes_on, known.T)) or _is_time(known[:, 0], known[:, [1, 2, 2]])
+    return None if is_other and len(known) > ENOUGH else xyz
+
+
+def _is_of(points: npt.NDArray) -> bool:
+    """Return whether (N,) `points` can be of a driver: floats are lengths, rings and times are what they are called."""
+    names = points.dtype.names or ()
+    xyz = np.stack([points[axis] for axis in "xyz"], axis=1).astype(np.float64)
+    is_like = {"ring": _is_ring, "time": _is_time, "timestamp": _is_time, "t": _is_time}
+    are_floats = all(are_lengths(points[name]) for name in names if points.dtype[name].str == "<f4")
+    return are_floats and all(is_like[name](points[name], xyz) for name in names if name in is_like)
+
+
+def _rest_of(rows: Rows, xyz: npt.NDArray[np.float64], at: int, kind: str) -> list[tuple[str, str]]:
+    """Return names and types of the columns from byte `at` on; what cannot be told is left out."""
+    found: list[tuple[str, str]] = []
+    own, order, size = int(kind[-1]), kind[0], rows.shape[1]
+    while at < size:
+        best = ("_", "V2")
+        for width, letter in ((own, "f"), (8, "f"), (4, "f"), (4, "u"), (2, "u")):
+            if at % width == 0 and at + width <= size and best[0] in ("_", "") and best[1] != f"{order}u2":
+                form = f"{order}{letter}{width}"
+                name = _name_of(_field(rows, at, form), form, xyz, {name for name, _ in found})
+                if name is not None and (width <= own or name == "time") and (name != "_" or best[1] == "V2"):
+                    best = (name, form)
+        found.append(best)
+        at += np.dtype(best[1]).itemsize
+    return found
+
+
+def _name_of(values: npt.NDArray, kind: str, xyz: npt.NDArray[np.float64], taken: set[str]) -> str | None:
+    """Return what a column (N,) beside coordinates `xyz` is; "_": of no known use, None: no column of this type."""
+    if len(np.unique(values)) == 1:
+        return "_"
+    if "ring" not in taken and _is_ring(values, xyz):
+        return "ring"
+    if "time" not in taken and _is_time(values, xyz):
+        return "time"
+    if kind[1] != "f" or not are_lengths(values):
+        return None
+    return "intensity" if "intensity" not in taken and (values >= 0).mean() > SHARE else "_"
+
+
+def _is_ring(values: npt.NDArray, xyz: npt.NDArray[np.float64]) -> bool:
+    """Return whether (N,) `values` are few whole numbers that say how steep the rays to `xyz` are."""
+    if not ((values == np.floor(values)) & (values >= 0) & (values < _BEAMS)).all():
+        return False
+    steepness = np.arctan2(xyz[:, 2], np.hypot(xyz[:, 0], xyz[:, 1]))
+    return _explains(values, steepness, _seen(xyz))
+
+
+def _is_time(values: npt.NDArray, xyz: npt.NDArray[np.float64]) -> bool:
+    """Return whether (N,) `values` go on from point to point, or with the direction around the sensor."""
+    size = np.abs(values[values != 0])
+    if not (is_measured(values).all() and float(np.ptp(values)) > _SHORTEST and (size > _TICK).all()):
+        return False
+    direction = np.degrees(np.arctan2(xyz[:, 1], xyz[:, 0])) + 180.0
+    return _goes_on(values) or _explains(direction, values.astype(np.float64), _seen(xyz))
+
+
+def _seen(xyz: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+    return np.isfinite(xyz).all(axis=1) & (np.abs(xyz).max(axis=1) > MIN_RANGE)
+
+
+def _goes_on(values: npt.NDArray) -> bool:
+    """Return whether (N,) `values` hardly ever turn back from one to the next."""
+    ahead, behind = (values[1:] > values[:-1]).mean(), (values[1:] < values[:-1]).mean()
+    return bool(max(ahead, behind) > 0 and min(ahead, behind) < 1.0 - _GOING and max(ahead, behind) > 0.01)
+
+
+def _explains(groups: npt.NDArray, values: npt.NDArray, counted: npt.NDArray[np.bool_]) -> bool:
+    """Return whether `values` (N,), where `counted`, are much the same within each of several `groups` (N,)."""
+    groups, values = groups[counted].astype(np.int64), values[counted]
+    if len(values) == 0 or len(np.unique(groups)) < 2:
+        return False
+    count = np.maximum(np.bincount(groups), 1)
+    means = np.bincount(groups, values - values.mean()) / count
+    return bool(np.var(values - values.mean() - means[groups]) < (1.0 - _EXPLAINED) * np.var(values))

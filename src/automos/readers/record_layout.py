@@ -1,0 +1,116 @@
+"""What the records of files without a header hold, found from their content.
+
+A record repeats: the bytes at one place of all of them are alike, and those at different places are not. The size of
+a record is therefore the one under which the file is described by the fewest bits, each byte of the record by a code
+of its own. What a multiple of it saves is little: the smallest size that explains nearly as much is taken. Only sizes
+that divide the files count, and only those under which coordinates are numbers that coordinates can be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.arrays import evenly_spread
+from automos.core.errors import InputError
+from automos.readers.layouts import LAYOUTS, parse_columns
+from automos.readers.record_columns import ENOUGH, Rows, columns_of, has_numbers, is_several
+
+_SIZES = range(12, 129)
+"""Bytes of a record: three coordinates, to the largest struct of a driver."""
+_AS_GOOD = 0.97
+"""Share of what the best size explains from which another explains as much."""
+_ROWS, _FILES, _READ = 12_000, 4, 1 << 21
+"""Records that are looked at, of so many files, and bytes that are read of each."""
+
+
+@np.errstate(all="ignore")
+def find_columns(paths: Sequence[Path]) -> str:
+    """Return the columns of the files at `paths`, all of one kind, as `--columns` takes them.
+
+    Raises
+    ------
+    InputError
+        Several fit, or none.
+    """
+    sizes = np.array([path.stat().st_size for path in paths])
+    largest = [path for path, size in zip(paths, sizes, strict=True) if size > 0.5 * sizes.max()]
+    pool = [_beginning(path) for path in evenly_spread(largest, _FILES)]
+    divided = [size for size in _SIZES if 2 * np.count_nonzero(sizes % size == 0) > len(sizes)]
+    fitting = [size for size in divided if has_numbers(_rows(pool, size))]
+    pooled = _code_length(_rows(pool, 1)) if len(_rows(pool, _SIZES[0])) >= ENOUGH else 0.0
+    if pooled == 0.0:  # few, or the same everywhere
+        return _by_convention(pool, fitting, sizes, paths)
+    if not fitting:
+        raise InputError(_unknown(paths, sizes, []))
+    gain = {size: pooled - _code_length(_rows(pool, size)) for size in fitting}
+    best = max(fitting, key=gain.__getitem__)
+    likely = [size for size in fitting if gain[size] >= _AS_GOOD * gain[best]]
+    size = next(s for s in fitting if best % s == 0 and (s in likely or is_several(_rows(pool, best), s)))
+    rivals = [size, *(other for other in likely if other % size and size % other)]
+    found = [columns for rival in rivals if (columns := columns_of(_rows(pool, rival))) is not None]
+    if LAYOUTS["bin"] in found:
+        found = [LAYOUTS["bin"]]
+    if len(found) != 1:
+        raise InputError(_unknown(paths, sizes, found))
+    return _required(found[0], sizes, paths)
+
+
+def _by_convention(pool: list[bytes], fitting: list[int], sizes: npt.NDArray[np.int64], paths: Sequence[Path]) -> str:
+    """Return KITTI's columns where they fit, else the only ones that do."""
+    whole = [size for size in fitting if not (sizes % size).any()]
+    if 2 * np.count_nonzero(sizes % 16 == 0) > len(sizes) and (16 in fitting or not whole):
+        return _required(LAYOUTS["bin"], sizes, paths)
+    found = [columns for size in whole if (columns := columns_of(_rows(pool, size))) is not None]
+    if len(found) != 1:
+        raise InputError(_unknown(paths, sizes, found))
+    return found[0]
+
+
+def _required(columns: str, sizes: npt.NDArray[np.int64], paths: Sequence[Path]) -> str:
+    """Return `columns`; InputError where a file is no whole number of them."""
+    size = parse_columns(columns).itemsize
+    if (sizes % size).any():
+        odd = int(np.argmax(sizes % size != 0))
+        raise InputError(
+            f"{paths[odd]} has {sizes[odd]} bytes, no multiple of a point as in the other files ({columns}: {size} "
+            "bytes); it is cut short, or of another kind: copy it again, or name the columns with --columns"
+        )
+    return columns
+
+
+def _unknown(paths: Sequence[Path], sizes: npt.NDArray[np.int64], candidates: Collection[str]) -> str:
+    odd = int(np.argmax(sizes % 16 != 0))
+    fits = "; fitting are " + " and ".join(f"--columns {one}" for one in candidates) if candidates else ""
+    return (
+        f"{paths[odd]} has {sizes[odd]} bytes and no header, and its content does not show which columns its points "
+        f"have{fits}: say which, as in --columns x,y,z,intensity or --columns x:f8,y,z, or copy the file again"
+    )
+
+
+def _beginning(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(_READ)
+
+
+def _rows(pool: list[bytes], size: int) -> Rows:
+    """Return (N, size) some of the records, in runs: every so many would be every second of a smaller size."""
+    parts: list[Rows] = []
+    for raw in pool:
+        records = np.frombuffer(raw, np.uint8, len(raw) // size * size).reshape(-1, size)
+        most = max(_ROWS // len(pool), 1)
+        starts = np.linspace(0, max(len(records) - most // 4, 0), 4).astype(int)
+        parts += [records] if len(records) <= most else [records[at : at + most // 4] for at in starts]
+    return np.concatenate(parts) if parts else np.zeros((0, size), np.uint8)
+
+
+def _code_length(rows: Rows) -> float:
+    """Return the bits that a byte takes in a code for each place of a record, with what it takes to tell the codes."""
+    n, size = rows.shape
+    counts = np.bincount((rows + 256 * np.arange(size)).ravel(), minlength=256 * size).reshape(size, 256)
+    share = counts / n
+    entropy = -np.sum(share * np.log2(share, where=share > 0, out=np.zeros_like(share)))
+    return float((entropy + 0.5 * np.log2(n) / n * np.sum((counts > 0).sum(axis=1) - 1)) / size)

@@ -1,0 +1,148 @@
+"""Where in a cloud's coordinates its sensor was, as far as the points show it.
+
+A sensor measures in directions, so that its points lie further apart the further they are from it: in a cloud in the
+sensor's frame, ranks of the distance to the next points and of the distance from the origin go together. Where they
+do not, and would go together from another place, that is where the sensor was, and the cloud is in another frame: that
+of a map, or of where the drive began. Points on a grid, of one distance everywhere, show nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.arrays import evenly_spread
+from automos.core.errors import InputError
+from automos.core.geometry import inverse, transform
+from automos.core.scan import MIN_RANGE, Pose
+
+_LOOKS = 3
+"""Scans that are looked at."""
+_ASKED, _AMONG = 2000, 50_000
+"""Points whose distance to the next is taken, among so many of the cloud, at random; half as many at least."""
+_NEXT = 2
+"""Number of the neighbour whose distance counts: the first may be the same point once more."""
+_GAP = 0.25
+"""Correlation that another place must have more than the origin, and at least twice, to be where the sensor was."""
+_SAME = 0.05
+"""Difference of correlations, or of bits, that says nothing."""
+_EDGE, _OUTSIDE = 1.2, 3.0
+"""Times the reach of the points: a sensor that looks forward is at their edge, and none looks at them from outside."""
+_ELEVATION = 0.1
+"""Degrees between elevations that are told apart."""
+
+RawPoints = Callable[[int], npt.NDArray[np.float64]]
+"""Returns the (N, 3) coordinates of a scan as its file has them."""
+
+
+class Spacing:
+    """Some points of a cloud, and how far apart the points are there."""
+
+    def __init__(self, cloud: npt.NDArray[np.float64]):
+        """Take (N, 3) coordinates; those that are no point, zero or not finite, are left out."""
+        from scipy.spatial import KDTree
+        from scipy.stats import rankdata
+
+        random = np.random.default_rng(0)
+        cloud = cloud[np.isfinite(cloud).all(axis=1) & (np.abs(cloud).max(axis=1, initial=0.0) > MIN_RANGE)]
+        cloud = cloud[random.permutation(len(cloud))[:_AMONG]]
+        asked = cloud[:_ASKED]
+        apart = KDTree(cloud).query(asked, k=_NEXT + 1)[0][:, _NEXT] if len(cloud) else np.zeros(0)
+        self.points, self.rank = asked[apart > 0.0], rankdata(apart[apart > 0.0])
+        self.is_enough = 2 * len(self.points) >= _ASKED
+
+    def fit(self, place: npt.NDArray[np.float64]) -> float:
+        """Return the correlation of the points' spacing with their distance from `place` (3,), by ranks."""
+        from scipy.stats import rankdata
+
+        return float(np.corrcoef(rankdata(np.linalg.norm(self.points - place, axis=1)), self.rank)[0, 1])
+
+    def find(self) -> npt.NDArray[np.float64]:
+        """Return (3,) the place among the points from which the correlation is best."""
+        from scipy.optimize import minimize
+
+        dense = self.points[np.argsort(self.rank)[: len(self.rank) // 10]]
+        around = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [0.0, 10.0, 0.0], [0.0, 0.0, 2.0]])
+        places = [dense.mean(axis=0), np.median(dense, axis=0)]
+        for start in tuple(places):
+            options = {"initial_simplex": start + around, "maxfev": 120, "xatol": 0.1, "fatol": 1e-3}
+            places.append(minimize(lambda place: -self.fit(place), start, method="Nelder-Mead", options=options).x)
+        return max((one for one in places if self.beyond(one) < _EDGE), key=self.fit)
+
+    def beyond(self, place: npt.NDArray[np.float64]) -> float:
+        """Return how far `place` (3,) is, horizontally, from the middle of the points, 1 being where they end."""
+        low, high = self.points[:, :2].min(axis=0), self.points[:, :2].max(axis=0)
+        return float(np.max(np.abs(place[:2] - 0.5 * (low + high))) / np.max(0.5 * (high - low)))
+
+
+def find_frame(raw_points: RawPoints, n: int, claims: Sequence[Pose], is_trusted: bool, where: Path) -> Pose | None:
+    """Return (n, 4, 4) the sensor's poses in the frame of the clouds, None where that is the sensor's own.
+
+    Parameters
+    ----------
+    raw_points, n : the clouds, and how many there are.
+    claims : (n, 4, 4) poses that came with them, in frames that may be the clouds'.
+    is_trusted : whether the first claim is what the format says the clouds' frame is, where points do not show it.
+    where : the recording, for the message.
+
+    Raises
+    ------
+    InputError
+        The clouds are in the frame of a map, and nothing says where in it the sensor was.
+    """
+    far = np.argsort([-np.linalg.norm(T[:3, 3]) for T in claims[0]])[: max(n // 2, _LOOKS)] if claims else np.arange(n)
+    looks = evenly_spread(far.tolist(), _LOOKS)
+    spacings: dict[int, Spacing] = {}
+    for index in looks:
+        with suppress(InputError):  # reported when the scan itself is read
+            spacings[index] = Spacing(raw_points(index))
+    spacings = {index: one for index, one in spacings.items() if one.is_enough}
+    if not spacings:
+        return claims[0] if is_trusted else None
+    rivals: list[Pose | None] = [None, *claims]
+    fits = [
+        np.mean([one.fit(np.zeros(3) if T is None else T[i, :3, 3]) for i, one in spacings.items()]) for T in rivals
+    ]
+    best = int(np.argmax(fits))
+    is_as_good = [fit > fits[best] - _SAME for fit in fits]
+    if is_trusted and is_as_good[1] and not (is_as_good[0] and _has_sharper_beams(spacings, claims[0])):
+        best = 1
+    elif is_as_good[0]:
+        best = 0
+    for index, spacing in spacings.items():
+        T = rivals[best]
+        _require_sensor(spacing, np.zeros(3) if T is None else T[index, :3, 3], where)
+    return rivals[best]
+
+
+def _has_sharper_beams(spacings: dict[int, Spacing], T_file_sensor: Pose) -> bool:
+    """Return whether points lie at fewer elevations, as beams have them, seen from the origin than from the poses."""
+
+    def entropy(points: npt.NDArray[np.float64]) -> float:
+        x, y, z = points.T
+        count = np.bincount(((np.degrees(np.arctan2(z, np.hypot(x, y))) + 90.0) / _ELEVATION).astype(np.int64))
+        share = count[count > 0] / len(points)
+        return float(-np.sum(share * np.log2(share)))
+
+    return np.mean([entropy(one.points) for one in spacings.values()]) + _SAME < np.mean(
+        [entropy(transform(inverse(T_file_sensor[i]), one.points)) for i, one in spacings.items()]
+    )
+
+
+def _require_sensor(spacing: Spacing, place: npt.NDArray[np.float64], where: Path) -> None:
+    """Raise where the sensor was clearly elsewhere than at `place` (3,)."""
+    fit = spacing.fit(place) if spacing.beyond(place) < _OUTSIDE else 0.0
+    if fit > 1.0 - _GAP:
+        return
+    found = spacing.find()
+    if spacing.fit(found) < max(2.0 * _GAP, fit + _GAP):
+        return
+    raise InputError(
+        f"{where} has clouds in the frame of a map (world frame): their points are spread as if seen from about "
+        f"({found[0]:.0f}, {found[1]:.0f}), not from the origin; give the scans in the sensor's frame, or put the "
+        "sensor's pose of each, in the frame of the clouds, beside them as poses.txt"
+    )

@@ -1,0 +1,176 @@
+"""Files without a header: their columns are found from their content, or they are refused with what fits."""
+
+import numpy as np
+import pytest
+from sweeps import points_of, pose, sweep
+
+from automos.core.errors import InputError
+from automos.readers import open_sequence
+from automos.readers.layouts import parse_columns
+
+XYZ = [("x", "<f4"), ("y", "<f4"), ("z", "<f4")]
+
+
+def plain(kind="<f4", names=("x", "y", "z", "intensity", "ring", "time")):
+    return np.dtype([(name, kind) for name in names])
+
+
+RECORDS = {
+    "x,y,z": plain(names="xyz"),
+    "x,y,z,intensity": plain(names=("x", "y", "z", "intensity")),
+    "x,y,z,intensity,ring": plain(names=("x", "y", "z", "intensity", "ring")),
+    "x,y,z,intensity,time": plain(names=("x", "y", "z", "intensity", "time")),
+    "x,y,z,intensity,ring,time": plain(),
+    "x,y,z,ring,time,intensity": plain(names=("x", "y", "z", "ring", "time", "intensity")),
+    "x,y,z,intensity,ring,time,_": plain(names=("x", "y", "z", "intensity", "ring", "time", "none")),
+    "x,y,z,intensity,ring,time,_,_": plain(names=("x", "y", "z", "intensity", "ring", "time", "none", "two")),
+    "time,x,y,z,intensity": plain(names=("time", "x", "y", "z", "intensity")),
+    "intensity,x,y,z": plain(names=("intensity", "x", "y", "z")),
+    "intensity,x,y,z,ring": plain(names=("intensity", "x", "y", "z", "ring")),
+    "ring,x,y,z,intensity": plain(names=("ring", "x", "y", "z", "intensity")),
+    "x:f8,y,z": plain("<f8", "xyz"),
+    "x:f8,y,z,intensity": plain("<f8", ("x", "y", "z", "intensity")),
+    "x:f8,y,z,intensity,ring,time": plain("<f8"),
+    "x:>f4,y,z,intensity": plain(">f4", ("x", "y", "z", "intensity")),
+    "x:>f8,y,z,intensity,ring,time": plain(">f8"),
+    "x,y,z,_,intensity,_,_,_": np.dtype([*XYZ, ("one", "<f4"), ("intensity", "<f4"), ("pad", "<f4", 3)]),
+    "x,y,z,_,intensity,ring:u4,time,_": np.dtype(
+        [*XYZ, ("one", "<f4"), ("intensity", "<f4"), ("ring", "<u2"), ("p", "<u2"), ("time", "<f4"), ("q", "<u4")]
+    ),
+    "x,y,z,_,intensity,_,time:f8,ring:u4,_,_,_": np.dtype(
+        [*XYZ, ("one", "<f4"), ("intensity", "<f4"), ("p", "<f4"), ("time", "<f8"), ("ring", "<u2"), ("q", "<u2", 7)]
+    ),
+    "x,y,z,intensity,ring:u2": np.dtype([*XYZ, ("intensity", "<f4"), ("ring", "<u2")]),
+    "x,y,z,intensity,ring:u2,time": np.dtype([*XYZ, ("intensity", "<f4"), ("ring", "<u2"), ("time", "<f4")]),
+}
+
+
+def records(columns, dtype):
+    rows = np.zeros(len(columns["x"]), dtype)
+    for name in set(columns) & set(dtype.names):
+        rows[name] = columns[name]
+    for name, value in (("one", 1.0), ("two", 2.0)):
+        if name in dtype.names:
+            rows[name] = value
+    return rows
+
+
+def write(folder, dtype, scans):
+    folder.mkdir(exist_ok=True)
+    for i, columns in enumerate(scans):
+        records(columns, dtype).tofile(folder / f"{i}.bin")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def scans():
+    """Return four sweeps of a sensor that drives on, each of another number of points."""
+    found = [sweep(pose(3.0 * i, 0.7 * i), seed=i) for i in range(4)]
+    return [{name: column[: len(column) - i] for name, column in one.items()} for i, one in enumerate(found)]
+
+
+@pytest.mark.parametrize("is_even", [False, True], ids=["any number", "a multiple of 48"])
+@pytest.mark.parametrize("spelled", RECORDS)
+def test_columns_are_those_that_were_written(tmp_path, scans, spelled, is_even):
+    if is_even:
+        scans = [{name: column[: len(column) // 48 * 48] for name, column in one.items()} for one in scans]
+    sequence = open_sequence(write(tmp_path / "log", RECORDS[spelled], scans))
+    assert (spelled == "x,y,z,intensity") or any(f"--columns {spelled}." in words for words in sequence.warnings)
+    for scan, columns in zip(sequence, scans, strict=True):
+        np.testing.assert_allclose(scan.points, points_of(columns), atol=1e-6)
+        for name in ("intensity", "ring"):
+            if name in RECORDS[spelled].names:
+                np.testing.assert_allclose(getattr(scan, name), columns[name], atol=1e-6)
+        if "time" in RECORDS[spelled].names:
+            np.testing.assert_allclose(scan.time, columns["time"] - columns["time"].min(), atol=1e-6)
+
+
+@pytest.mark.parametrize("spelled", ["x,y,z,intensity", "x,y,z,intensity,ring,time", "x:f8,y,z,intensity"])
+def test_neither_the_order_of_points_nor_those_without_return_hide_the_columns(tmp_path, scans, spelled):
+    rng = np.random.default_rng(0)
+    shuffled = [
+        {name: column[order] for name, column in one.items()}
+        for one in scans
+        for order in [rng.permutation(len(one["x"]))]
+    ]
+    assert [len(scan) for scan in open_sequence(write(tmp_path / "a", RECORDS[spelled], shuffled))] == [
+        len(one["x"]) for one in scans
+    ]
+    for fill in (np.nan, 0.0):
+        gaps = []
+        for one in scans:
+            is_gap = rng.random(len(one["x"])) < 0.4
+            gaps.append({n: np.where(is_gap, fill, c) if n in "xyz" else c for n, c in one.items()})
+        sequence = open_sequence(write(tmp_path / f"gaps{fill}", RECORDS[spelled], gaps))
+        assert [len(scan) for scan in sequence] == [len(one["x"]) for one in scans]
+        np.testing.assert_allclose(sequence[2].points, points_of(gaps[2]), atol=1e-6)
+
+
+def test_every_third_record_that_is_none_is_no_part_of_a_larger_one(tmp_path, scans):
+    wide = [
+        {name: np.insert(column, np.arange(3, len(column), 3).repeat(2), np.nan) for name, column in one.items()}
+        for one in scans
+    ]
+    sequence = open_sequence(write(tmp_path / "log", RECORDS["x,y,z,intensity"], wide))
+    assert [len(scan) for scan in sequence] == [len(one["x"]) for one in wide]
+
+
+def test_a_file_that_was_cut_is_told_by_name_though_other_columns_would_fit(tmp_path, scans):
+    folder = write(tmp_path / "log", RECORDS["x,y,z,intensity"], scans)
+    raw = (folder / "2.bin").read_bytes()
+    (folder / "2.bin").write_bytes(raw[:-12])
+    with pytest.raises(InputError, match=r"2\.bin has \d+ bytes, no multiple of a point as .*x,y,z,intensity.* cut"):
+        open_sequence(folder)
+
+
+def test_numbers_of_no_structure_are_refused_with_how_to_say_the_columns(tmp_path):
+    folder = tmp_path / "log"
+    folder.mkdir()
+    for i in range(3):
+        np.random.default_rng(i).integers(0, 256, 24 * 2003, dtype=np.uint8).tofile(folder / f"{i}.bin")
+    with pytest.raises(InputError, match=r"0\.bin has 48072 bytes and no header.*--columns x,y,z,intensity"):
+        open_sequence(folder)
+
+
+def test_a_few_points_are_read_as_kittis_where_they_fit_and_else_asked_for(tmp_path, scans):
+    few = [{name: column[:n] for name, column in one.items()} for n, one in zip((7, 11, 13), scans, strict=False)]
+    assert [len(scan) for scan in open_sequence(write(tmp_path / "four", RECORDS["x,y,z,intensity"], few))] == [
+        7,
+        11,
+        13,
+    ]
+    folder = write(tmp_path / "six", RECORDS["x,y,z,intensity,ring,time"], few)
+    with pytest.raises(InputError, match=r"0\.bin has 168 bytes and no header"):
+        open_sequence(folder)
+    assert [len(scan) for scan in open_sequence(folder, "x,y,z,intensity,ring,time")] == [7, 11, 13]
+
+
+def test_the_old_names_are_the_columns_they_stand_for(tmp_path, scans):
+    for name, spelled in {"bin": "x,y,z,intensity", "bin3": "x,y,z", "bin5": "x,y,z,intensity,ring"}.items():
+        folder = write(tmp_path / name, RECORDS[spelled], scans)
+        assert open_sequence(folder, name).fingerprint() == open_sequence(folder, spelled).fingerprint()
+        np.testing.assert_array_equal(open_sequence(folder, name)[3].points, open_sequence(folder)[3].points)
+
+
+def test_the_columns_that_are_given_are_taken_whatever_the_content(tmp_path, scans):
+    folder = write(tmp_path / "log", RECORDS["x,y,z,intensity"], scans)
+    np.testing.assert_array_equal(open_sequence(folder, "y,x,z,intensity")[0].points[:, 1], scans[0]["x"])
+    with pytest.raises(InputError, match=r"\.bin has \d+ bytes, no multiple of a point \(20 bytes\).*--columns"):
+        [scan.points for scan in open_sequence(folder, "x,y,z,intensity,ring")]
+
+
+@pytest.mark.recordings
+@pytest.mark.parametrize("name", ["kitti_0005", "kitti_0027", "lyft_5hz", "room_vlp16", "yard_avia", "handheld_xt32"])
+@pytest.mark.parametrize(
+    "spelled", ["x,y,z", "x,y,z,intensity", "x,y,z,ring,intensity", "x:f8,y,z,intensity", "x:>f4,y,z"]
+)
+def test_real_sweeps_are_told_apart(recordings, tmp_path, name, spelled):
+    dtype, counts = parse_columns(spelled), []
+    for i, path in enumerate(sorted((recordings / "sequences" / name / "velodyne").glob("*.bin"))[:16:5]):
+        rows = np.fromfile(path, np.float32).reshape(-1, 4)
+        rows = rows[: len(rows) // 48 * 48]
+        elevation = np.degrees(np.arctan2(rows[:, 2], np.hypot(rows[:, 0], rows[:, 1])))
+        columns = {"x": rows[:, 0], "y": rows[:, 1], "z": rows[:, 2], "intensity": rows[:, 3]}
+        records({**columns, "ring": np.round(elevation / 2.0).clip(-16, 16) + 16}, dtype).tofile(tmp_path / f"{i}.bin")
+        counts.append(len(rows))
+    assert [len(scan) for scan in open_sequence(tmp_path)] == counts

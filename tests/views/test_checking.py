@@ -1,0 +1,197 @@
+"""What is said of a recording before it is labelled: it must be true."""
+
+import json
+
+import numpy as np
+import pytest
+from point_writers import write_pcd
+from sweeps import moved, points_of, pose, sweep
+from typer.testing import CliRunner
+
+from automos.cli import app
+from automos.core.errors import AutomosError
+from automos.readers import open_sequence
+from automos.views.checking import LOOKS, check
+
+FAR = pose(100.0, -140.2, 220.7, -3.1)
+DRIVE = [pose(x=0.5 * i) for i in range(12)]
+
+
+@pytest.fixture(scope="module")
+def scans():
+    return [sweep(T, seed=i) for i, T in enumerate(DRIVE)]
+
+
+def write_bins(folder, scans, names=("x", "y", "z", "intensity"), kind="<f4"):
+    folder.mkdir(parents=True)
+    for i, columns in enumerate(scans):
+        np.column_stack([columns[name] for name in names]).astype(kind).tofile(folder / f"{i:06d}.bin")
+    return folder
+
+
+def write_pcds(folder, scans, T=None, surplus=b""):
+    folder.mkdir()
+    for i, columns in enumerate(scans):
+        numbers = {name: columns[name] for name in ("x", "y", "z", "intensity")}
+        write_pcd(folder / f"{i}.pcd", numbers if T is None else moved(numbers, T @ DRIVE[i]))
+        with (folder / f"{i}.pcd").open("ab") as file:
+            file.write(surplus)
+    return folder
+
+
+def write_times(folder, step=0.1):
+    (folder / "times.txt").write_text("\n".join(f"{step * i:.3f}" for i in range(len(DRIVE))))
+    return folder
+
+
+def cut(folder):
+    path = folder / "000004.bin"
+    path.write_bytes(path.read_bytes()[:-7])
+    return folder
+
+
+ALL = ("x", "y", "z", "intensity", "ring", "time")
+CASES = {
+    "kitti": (
+        lambda f, scans: write_times(write_bins(f / "velodyne", scans).parent),
+        "drive can be labelled: 12 scans, KITTI's layout (odometry, SemanticKITTI), .bin files of x,y,z,intensity, "
+        "16 beams all round, 10.0 scans a second",
+    ),
+    "five a second": (
+        lambda f, scans: write_times(write_bins(f, scans), 0.2),
+        "drive can be labelled: 12 scans, a folder, .bin files of x,y,z,intensity, 16 beams all round, 5.0 scans a",
+    ),
+    "six columns": (
+        lambda f, scans: write_bins(f, scans, ALL),
+        "drive can be labelled, with 1 doubt: 12 scans, a folder, .bin files of x,y,z,intensity,ring,time, 16 beams",
+    ),
+    "float64": (
+        lambda f, scans: write_bins(f, scans, "xyz", "<f8"),
+        "drive can be labelled, with 1 doubt: 12 scans, a folder, .bin files of x:f8,y,z, 16 beams all round, no times",
+    ),
+    "front": (
+        lambda f, scans: write_bins(f, [{n: c[one["x"] > abs(one["y"])] for n, c in one.items()} for one in scans]),
+        "drive can be labelled: 12 scans, a folder, .bin files of x,y,z,intensity, 16 beams 90 degrees wide, no times",
+    ),
+    "pcd": (
+        lambda f, scans: write_pcds(f, scans),
+        "drive can be labelled: 12 scans, a folder, .pcd files, 16 beams all round, no times",
+    ),
+    "surplus": (
+        lambda f, scans: write_pcds(f, scans, surplus=bytes(99)),
+        "drive can be labelled, with 1 doubt: 12 scans, a folder, .pcd files, 16 beams all round, no times",
+    ),
+    "map": (
+        lambda f, scans: write_pcds(f, scans, FAR),
+        "drive cannot be labelled: {} has clouds in the frame of a map (world frame)",
+    ),
+    "few": (
+        lambda f, scans: write_bins(f, scans[:3]),
+        "drive can be labelled, with 1 doubt: 3 scans, a folder, .bin files of x,y,z,intensity, 16 beams all round",
+    ),
+    "cut": (lambda f, scans: cut(write_bins(f, scans)), "drive cannot be labelled: {}/000004.bin has"),
+    "nothing": (lambda f, scans: f.mkdir() or f, "drive cannot be labelled: {} is empty"),
+    "absent": (lambda f, scans: f, "drive cannot be labelled: {} does not exist"),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_first_line_is_true(tmp_path, scans, case):
+    write, line = CASES[case]
+    (found,) = check(write(tmp_path / "drive", scans))
+    assert found.first_line.startswith(line.format(tmp_path / "drive"))
+    assert found.lines()[0] == found.first_line
+    if found.exit_code < 2:
+        sequence = open_sequence(tmp_path / "drive")
+        assert (found.scans, found.points) == (len(sequence), int(np.median([len(scan) for scan in sequence])))
+        assert found.doubts[: len(sequence.warnings)] == sequence.warnings
+    else:
+        with pytest.raises(AutomosError) as told:
+            [scan.points for scan in open_sequence(tmp_path / "drive")]
+        assert str(told.value) in found.first_line
+
+
+def test_what_is_in_the_points_is_counted(tmp_path, scans):
+    rows = points_of(scans[0])
+    rows[::4] = np.nan
+    rows[1::4] = 0.0
+    (tmp_path / "drive").mkdir()
+    for i in range(12):
+        np.save(tmp_path / "drive" / f"{i}.npy", rows)
+    (found,) = check(tmp_path / "drive")
+    assert found.share_not_finite == pytest.approx(0.25, abs=1e-3)
+    assert found.share_without_return == pytest.approx(0.25, abs=1e-3)
+    assert found.copies == 11
+    assert found.sweep is found.period is None
+    assert found.fields == []
+    assert [words.split(",")[0] for words in found.assumed][:1] == ["10 scans a second"]
+    assert any("once more" in words for words in found.doubts)
+
+
+def test_gaps_times_and_what_comes_along_are_found(tmp_path, scans):
+    folder = write_bins(tmp_path / "drive", scans, ALL)
+    (folder / "times.txt").write_text("\n".join(f"{0.1 * i + 0.5 * (i > 5):.2f}" for i in range(12)))
+    (folder / "labels").mkdir()
+    for i, columns in enumerate(scans):
+        np.full(len(columns["x"]), 9, np.uint32).tofile(folder / "labels" / f"{i:06d}.label")
+    (found,) = check(folder)
+    assert (found.gaps, found.beams, found.sensor, found.clock) == (1, 16, "VLP-16", "times.txt")
+    assert found.period == pytest.approx(0.1)
+    assert found.sweep == pytest.approx(0.1, abs=2e-3)
+    assert found.brings == ["labels to compare with"]
+    assert found.fields == ["intensity", "time", "ring"]
+
+
+def test_few_scans_of_many_are_read(tmp_path, scans, monkeypatch):
+    folder = write_bins(tmp_path / "drive", scans[:2] * 100)
+    (tmp_path / "drive" / "times.txt").write_text("\n".join(f"{0.1 * i:.1f}" for i in range(200)))
+    kind, read = type(open_sequence(folder)), []
+    one = kind.__getitem__
+
+    def counted(self, index):
+        read.append(index)
+        return one(self, index)
+
+    monkeypatch.setattr(kind, "__getitem__", counted)
+    assert check(folder)[0].scans == 200
+    assert len(read) <= LOOKS
+
+
+def test_the_command_prints_a_screen_or_json_and_leaves_with_what_it_found(tmp_path, scans):
+    good = write_times(write_bins(tmp_path / "drive", scans))
+    done = CliRunner().invoke(app, ["check", str(good)])
+    assert done.exit_code == 0
+    assert done.output.startswith("drive can be labelled: 12 scans")
+    assert len(done.output.splitlines()) < 25
+    odd = write_bins(tmp_path / "odd", scans, ALL)
+    assert CliRunner().invoke(app, ["check", str(odd)]).exit_code == 1
+    told = CliRunner().invoke(app, ["check", str(odd), "--columns", ",".join(ALL), "--json"])
+    assert told.exit_code == 0
+    (found,) = json.loads(told.output)
+    assert (found["can_be_labelled"], found["scans"], found["exit_code"]) == (True, 12, 0)
+    assert CliRunner().invoke(app, ["check", str(tmp_path / "none")]).exit_code == 2
+
+
+def test_several_recordings_are_told_one_by_one(tmp_path, scans):
+    write_bins(tmp_path / "fleet" / "a" / "velodyne", scans)
+    cut(write_bins(tmp_path / "fleet" / "b" / "velodyne", scans))
+    a, b = check(tmp_path / "fleet")
+    assert (a.name, a.exit_code, b.name, b.exit_code) == ("a", 0, "b", 2)
+
+
+@pytest.mark.recordings
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        ("kitti_0005", "154 scans, {}, 64 beams all round, 10.0 scans a second"),
+        ("kitti_0027", "100 scans, {}, 64 beams all round, 10.0 scans a second"),
+        ("lyft_5hz", "125 scans, {}, about 40 beams all round, 5.0 scans a second"),
+        ("room_vlp16", "138 scans, {}, 16 beams 290 degrees wide, 10.0 scans a second"),
+        ("yard_avia", "47 scans, {}, no fixed beams, 80 degrees wide, no times"),
+        ("handheld_xt32", "30 scans, {}, about 32 beams 330 degrees wide, no times"),
+    ],
+)
+def test_the_first_line_is_true_of_real_recordings(recordings, name, line):
+    (found,) = check(recordings / "sequences" / name)
+    what = "KITTI's layout (odometry, SemanticKITTI), .bin files of x,y,z,intensity"
+    assert found.first_line == f"{name} can be labelled: {line.format(what)}"
