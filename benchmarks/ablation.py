@@ -1,7 +1,7 @@
 """Changes of the method, by name or by place: what is a setting, a number or a rule worth?
 
 A change is one of `CHOICES`, each of which takes something back, or PLACE=VALUE: a setting (`tracking.max_gap=0`), or a
-constant beside its code as "module:NAME" or "module:NAME.key" (`automos.objects.judge:WEIGHTS.pieces=0`). Several are
+constant beside its code as "module:NAME" or "module:NAME.key" (`automos.objects.judge:PIECE=0`). Several are
 joined by " + ". A constant that a compiled kernel reads as a global cannot be changed so.
 """
 
@@ -67,11 +67,9 @@ CHOICES: dict[str, dict[str, Any]] = {
     "the walk on the ground begins level": {"automos.evidence.ground:PLANE_SHARE": 2.0},
     "objects of 20 m at most": {"instances.components.max_side": 20.0},
     "mixed segments stay whole": {"automos.objects.detect:MIXED_SHARE": 0.5},
-    "where it went does not count": {f"{JUDGE}:WEIGHTS.displacement": 0.0},
-    "unsteady things move, too": {f"{JUDGE}:WEIGHTS.unsteady": 0.0},
-    "pieces are as good as wholes": {f"{JUDGE}:WEIGHTS.pieces": 0.0},
-    "dust is as good as faces": {f"{JUDGE}:WEIGHTS.porous": 0.0},
-    "more likely than not is moving": {"tracking.judge.min_probability": 0.5},
+    "unsteady things move, too": {f"{JUDGE}:UNSTEADY": 0.0},
+    "pieces are as good as wholes": {f"{JUDGE}:PIECE": 0.0},
+    "dust is as good as faces": {f"{JUDGE}:POROUS": 0.0},
     "what overlaps may be another": {f"{PAIRS}:MIN_OVERLAP": 2.0},
     "objects may climb": {f"{PAIRS}:MAX_CLIMB": NEVER},
     "objects may lose their points": {f"{PAIRS}:MAX_COUNT_RATIO": NEVER},

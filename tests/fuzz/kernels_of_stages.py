@@ -21,11 +21,11 @@ from automos.evidence.paper import erasor, erasor_bins
 from automos.evidence.paper.region_ground import fit_region_ground
 from automos.objects import detect, face_paths, places
 from automos.objects.boxes import fit_boxes
+from automos.objects.motion import smooth
 from automos.objects.object_points import paint_objects
 from automos.objects.paper import hierarchy
 from automos.objects.segments import segment_points
-from automos.objects.smoothing import smooth
-from automos.objects.tracks import Tracks
+from automos.objects.tracks import Tracks, observed
 from automos.odometry import drifting_seam, facing, point_order, registration
 from automos.odometry import vertical as level
 from automos.odometry.compensation import compensate
@@ -91,7 +91,7 @@ def _tracking(points: np.ndarray) -> None:
     ids = (np.arange(len(points)) % 3 - 1).astype(np.int32)
     some = ids > 0
     tracks = make_tracks(points[:3])
-    paint_objects(points, ids, ids[::-1].copy(), some, ~some, tracks, SETTINGS.tracking.completion)
+    paint_objects(points, ids, ids[::-1].copy(), some, ~some, tracks, observed(tracks), SETTINGS.tracking.completion)
     box = Tracks(
         np.zeros(1, int),
         np.zeros(1, int),
@@ -101,14 +101,16 @@ def _tracking(points: np.ndarray) -> None:
         np.zeros(1),
         np.zeros((1, 3)),
     )
-    paint_objects(points * np.float32(0.1), ids, ids, np.ones_like(some), some, box, SETTINGS.tracking.completion)
+    paint_objects(
+        points * np.float32(0.1), ids, ids, np.ones_like(some), some, box, observed(box), SETTINGS.tracking.completion
+    )
     smooth(np.arange(len(points)) * 0.1, points[:, 0].astype(float), 0.01, 1.0)
     smooth(np.arange(len(points)) * 0.1, np.full(len(points), np.nan), 0.01, 1.0)
     smooth(points[:, 1].astype(float), points[:, 0].astype(float), 0.01, 1.0)
     values = points.astype(float)
     columns = places.touched_columns(make_boxes(np.clip(np.nan_to_num(points), -50, 50)))
     places.held_places(points, some, ~some, columns)
-    face_paths.follow_faces(np.array([0, len(points)]), np.hstack([values, values]))
+    face_paths.face_scatter(np.array([0, len(points)]), np.hstack([values, values]))
 
 
 def _odometry(points: np.ndarray) -> None:

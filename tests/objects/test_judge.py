@@ -1,4 +1,4 @@
-"""The verdict by evidence: what left its place and went somewhere has moved."""
+"""The verdict by evidence, and which scans a body moves in."""
 
 import numpy as np
 import pytest
@@ -7,22 +7,24 @@ from scipy.special import gammaln
 from automos.core.upright_boxes import Boxes
 from automos.objects.detections import Detections
 from automos.objects.judge import (
+    BODY,
     LEAST_SOLID,
-    LOOKS,
-    MISJUDGED,
+    LOOK,
     MOVED,
-    PRIOR,
+    PIECE,
+    POROUS,
     STAYED,
-    UNDER_WAY,
-    WEIGHTS,
+    WRONG,
+    is_scenery,
     judge_tracks,
+    looks,
+    moving_now,
     segment_terms,
-    track_terms,
-    without_scenery,
 )
 from automos.objects.tracks import Tracks
 from automos.objects.verdict import Verdict, Verdicts
-from automos.settings import JudgeSettings
+
+STAMPS = 0.1 * np.arange(20)
 
 
 def one_track(center, n_points=100, moved=1.0, stayed=0.0, scans=None, side=1.0, z=0.0, is_piece=False):
@@ -44,20 +46,17 @@ def one_track(center, n_points=100, moved=1.0, stayed=0.0, scans=None, side=1.0,
     return table, seen
 
 
-def judged(table, seen, **settings):
-    return judge_tracks(table, [segment_terms(found) for found in seen], JudgeSettings(**settings))
+def judged(table, seen):
+    return judge_tracks(table, [segment_terms(found) for found in seen], STAMPS)
 
 
 def verdict_on(**track):
     return judged(*one_track(**track)).verdict[0]
 
 
-def terms_of_tracks(table, seen):
-    return track_terms(table, [segment_terms(found) for found in seen])
-
-
-def terms_of(**track):
-    return dict(zip(WEIGHTS, terms_of_tracks(*one_track(**track))[0], strict=True))
+def confidence_on(**track):
+    verdicts = judged(*one_track(**track))
+    return verdicts.confidence[0] if verdicts.is_moving[0] else 1.0 - verdicts.confidence[0]
 
 
 STRAIGHT = np.column_stack([0.5 * np.arange(20), np.zeros(20)])  # 5 m/s
@@ -73,7 +72,7 @@ CLIMBING = np.random.default_rng(1).uniform(0.0, 3.0, 20)
         ({"center": STRAIGHT, "moved": 0.01, "stayed": 0.99}, Verdict.STATIC),
         ({"center": STRAIGHT, "moved": 0.0, "stayed": 0.0}, Verdict.STATIC),
         ({"center": SHAKING, "moved": 0.2, "stayed": 0.3, "z": CLIMBING}, Verdict.STATIC),
-        ({"center": 0.001 * STRAIGHT, "moved": 0.1, "stayed": 0.8}, Verdict.STATIC),
+        ({"center": 0.001 * STRAIGHT, "moved": 0.05, "stayed": 0.9}, Verdict.STATIC),
         ({"center": STRAIGHT[:1]}, Verdict.STATIC),
         ({"center": STRAIGHT, "n_points": 4}, Verdict.MOVING),
         ({"center": STRAIGHT[[0, 4]], "scans": (0, 1)}, Verdict.MOVING),
@@ -98,91 +97,85 @@ def test_what_is_seen_through_and_goes_somewhere_moves(track, expected):
     assert verdict_on(**track) == expected
 
 
-def test_what_nothing_is_known_of_yet_is_static_until_others_speak_of_a_point():
-    def verdict(moved):
-        table, seen = one_track(center=STRAIGHT[:2], moved=moved, scans=range(2))
-        return judge_tracks(table, [segment_terms(found, is_asked=False) for found in seen], JudgeSettings()).verdict[0]
-
-    assert verdict(0.0) == Verdict.STATIC
-    assert verdict(0.5) == Verdict.MOVING
-
-
-def test_the_log_odds_are_the_sum_of_weighted_terms_and_the_confidence_their_probability():
-    track = {"center": 0.02 * STRAIGHT, "moved": 0.1, "stayed": 0.5}
-    log_odds = PRIOR + sum(WEIGHTS[name] * value for name, value in terms_of(**track).items())
-    moves = 1.0 / (1.0 + np.exp(-log_odds))
-    for threshold, verdict, confidence in ((0.9 * moves, Verdict.MOVING, moves), (0.99, Verdict.STATIC, 1.0 - moves)):
-        found = judged(*one_track(**track), min_probability=threshold)
-        assert found.verdict[0] == verdict
-        assert found.confidence[0] == pytest.approx(confidence)
-
-
 def test_the_evidence_of_a_scan_by_hand():
     def likelihood(prior):
         a, n = np.array(prior), np.array([30.0, 50.0, 20.0])
         return gammaln(a.sum()) - gammaln(a.sum() + n.sum()) + (gammaln(a + n) - gammaln(a)).sum()
 
-    ratio = np.exp(likelihood(MOVED) - likelihood(STAYED))
-    found = terms_of(center=STRAIGHT, moved=0.3, stayed=0.5)["evidence"]
-    scan = UNDER_WAY * ratio + 1.0 - UNDER_WAY
-    assert found == pytest.approx(-np.log((1.0 - MISJUDGED) * scan**-LOOKS + MISJUDGED))
+    moved, stayed = np.exp(likelihood(MOVED)), np.exp(likelihood(STAYED))
+    _, seen = one_track(STRAIGHT, moved=0.3, stayed=0.5)
+    right = np.log(((1.0 - WRONG) * moved + WRONG * stayed) / ((1.0 - WRONG) * stayed + WRONG * moved))
+    assert segment_terms(seen[0]).evidence[0] == pytest.approx(BODY + right)
 
 
-def test_all_evidence_of_one_place_is_worth_no_more_than_the_odds_of_its_being_misjudged():
-    assert terms_of(center=STRAIGHT, n_points=10_000)["evidence"] < -np.log(MISJUDGED)
-    wrong_poses = {"center": SHAKING, "is_piece": True, "moved": 0.7}
-    assert verdict_on(**wrong_poses) == Verdict.STATIC
+def test_no_scan_says_more_than_the_odds_of_its_being_wrong():
+    for moved in (0.0, 1.0):
+        _, seen = one_track(STRAIGHT, n_points=10**7, moved=moved, stayed=1.0 - moved)
+        assert abs(segment_terms(seen[0]).evidence[0] - BODY) < np.log(1.0 / WRONG)
 
 
-def test_many_points_of_one_scan_say_little_more_than_some_and_a_scan_can_hardly_speak_against():
-    some, many = (terms_of(center=STRAIGHT, n_points=n)["evidence"] for n in (100, 10_000))
-    assert 0.0 < many - some < some
-    assert terms_of(center=STRAIGHT, moved=0.0, stayed=1.0, n_points=10_000)["evidence"] > LOOKS * np.log(
-        1.0 - UNDER_WAY
-    )
+def test_unknown_points_count_only_where_others_were_asked():
+    _, seen = one_track(STRAIGHT, moved=0.0, stayed=0.0)
+    assert segment_terms(seen[0], is_asked=False).evidence[0] == pytest.approx(BODY)
+    assert segment_terms(seen[0]).evidence[0] != pytest.approx(BODY)
 
 
-def test_both_faces_must_go_the_same_way():
-    growing = np.linspace(1.0, 9.0, 20)  # more and more of it comes into sight: one face stands
-    assert terms_of(center=np.column_stack([0.5 * growing, np.zeros(20)]), side=growing)["displacement"] == 0.0
-    assert terms_of(center=0.0 * STRAIGHT, side=growing)["displacement"] == 0.0
-    assert terms_of(center=STRAIGHT)["displacement"] > 5.0
-
-
-def test_one_observation_of_something_else_at_an_end_is_no_way():
-    center = np.vstack([0.0 * STRAIGHT[:-1], [[3.0, 3.0]]])
-    assert terms_of(center=center)["displacement"] == 0.0
+def test_what_lets_through_the_rays_that_meet_it_and_pieces_are_seldom_bodies():
+    _, seen = one_track(STRAIGHT, n_points=100, moved=0.0)
+    whole = segment_terms(seen[0], is_asked=False).evidence[0]
+    share_of_a_face = 1.0 - 1.5 / 10.0 + 0.5 / 100.0
+    for solidity, through in ((share_of_a_face, 0.0), (0.5 * share_of_a_face, 1.0), (0.0, 1.0 / LEAST_SOLID)):
+        seen[0].solidity[:] = solidity
+        assert segment_terms(seen[0], is_asked=False).evidence[0] == pytest.approx(whole + POROUS * through)
+    seen[0].solidity[:], seen[0].part_of[:] = 1.0, 0
+    assert segment_terms(seen[0], is_asked=False).evidence[0] == pytest.approx(whole + PIECE)
 
 
 def test_what_keeps_its_foot_is_steady_though_its_roof_is_hidden_now_and_then():
-    table, seen = one_track(STRAIGHT)
+    table, seen = one_track(STRAIGHT, moved=0.2, stayed=0.2)
+    plain = judged(table, seen).confidence[0]
     for i, one in enumerate(seen):
         one.boxes.size[:, 2] = 1.0 + i % 2
         one.boxes.center[:, 2] = 0.5 * one.boxes.size[:, 2]
-    assert terms_of_tracks(table, seen)[0, list(WEIGHTS).index("unsteady")] == 0.0
-    assert terms_of(center=STRAIGHT, z=CLIMBING)["unsteady"] > 1.0
+    assert judged(table, seen).confidence[0] == pytest.approx(plain)
+    assert confidence_on(center=STRAIGHT, moved=0.2, stayed=0.2, z=CLIMBING) < confidence_on(
+        center=STRAIGHT, moved=0.2, stayed=0.2
+    )
 
 
-def test_what_lets_through_the_rays_that_meet_it_is_porous():
-    table, seen = one_track(STRAIGHT, n_points=100)
-    share_of_a_face = 1.0 - 1.5 / 10.0 + 0.5 / 100.0
-    cases = (1.0, 0.0), (share_of_a_face, 0.0), (0.5 * share_of_a_face, 1.0), (0.0, 1.0 / LEAST_SOLID)
-    for solidity, through in cases:
-        for one in seen:
-            one.solidity[:] = solidity
-        assert terms_of_tracks(table, seen)[0, list(WEIGHTS).index("porous")] == pytest.approx(through, abs=1e-9)
+def test_scans_count_by_the_time_between_them():
+    first, times = np.array([0, 3, 3, 5]), np.r_[0.0, 0.1 * LOOK, 5.0 * LOOK, 1.0, 1.0 + 0.5 * LOOK]
+    np.testing.assert_allclose(looks(first, times), [1.0, 0.1, 1.0, 1.0, 0.5])
 
 
-def test_what_has_stayed_in_every_scan_is_scenery_and_tracks_are_numbered_anew():
+def test_what_waits_for_long_and_then_leaves_has_moved():
+    t = 0.2 * np.arange(100)
+    center = np.column_stack([np.where(t > 14.0, 5.0 * (t - 14.0), 0.0), 0.0 * t])
+    table = Tracks(
+        np.zeros(100, np.int64), np.arange(100), np.zeros(100, np.int64), np.column_stack([center, 0.0 * t]),
+        np.ones((100, 3)), 0.0 * t, np.gradient(np.column_stack([center, 0.0 * t]), t, axis=0),
+    )  # fmt: skip
+    seen = []
+    for k in range(100):
+        counts = [np.array([n]) for n in ((100.0, 100.0, 0.0) if t[k] > 14.0 else (100.0, 0.0, 100.0))]
+        seen.append(
+            Detections.of_objects(Boxes(table.center[k : k + 1], np.ones((1, 3)), np.zeros(1), np.ones(1)), *counts)
+        )
+    verdicts = judge_tracks(table, [segment_terms(found) for found in seen], t)
+    assert verdicts.is_moving[0]
+    now = moving_now(table, verdicts, t).p_moving >= 0.5
+    assert not now[:65].any()
+    assert now[75:].all()
+
+
+def test_what_has_stayed_in_every_scan_is_scenery():
     (car, seen_car), (wall, seen_wall) = one_track(STRAIGHT), one_track(0.0 * STRAIGHT, moved=0.0, stayed=1.0)
-    wall = Tracks(wall.track, wall.scan, wall.segment, wall.center, wall.size, wall.yaw, wall.velocity)
     car = Tracks(car.track + 1, car.scan, car.segment + 1, car.center, car.size, car.yaw, car.velocity)
     seen = [Detections.concatenate([a, b]) for a, b in zip(seen_wall, seen_car, strict=True)]
-    verdicts = Verdicts(np.array([Verdict.STATIC, Verdict.MOVING], np.int8), np.array([0.9, 0.8]))
-    kept, left = without_scenery(Tracks.concatenate([wall, car]), verdicts, seen)
-    assert len(kept) == len(left.verdict) == 1
-    assert set(kept.segment) == {1}
-    assert left.confidence.tolist() == [0.8]
+    verdicts = Verdicts(np.array([Verdict.STATIC, Verdict.STATIC], np.int8), np.array([0.9, 0.8]))
+    assert is_scenery(Tracks.concatenate([wall, car]), verdicts, seen).tolist() == [True, False]
+    verdicts = Verdicts(np.array([Verdict.MOVING, Verdict.STATIC], np.int8), np.array([0.9, 0.8]))
+    assert is_scenery(Tracks.concatenate([wall, car]), verdicts, seen).tolist() == [False, False]
 
 
 def test_no_tracks_have_no_verdicts():

@@ -8,7 +8,7 @@ from automos.core.array_sequence import ArraySequence
 from automos.core.labels import Label
 from automos.core.scan import GROUND, OBJECT, Scan
 from automos.objects.object_points import paint_objects, point_confidence
-from automos.objects.tracks import Tracks
+from automos.objects.tracks import Tracks, observed
 from automos.pipeline import label
 from automos.settings import CompletionSettings
 
@@ -40,7 +40,7 @@ def paint(points, part, segment=0, may_move=None, has_stayed=False):
     )  # fmt: skip
     may_move = np.ones(len(points), bool) if may_move is None else may_move
     segments = (none, ids) if has_stayed else (ids, none)
-    return with_labels(paint_objects(points, *segments, part != 1, may_move, row, CompletionSettings()))
+    return with_labels(paint_objects(points, *segments, part != 1, may_move, row, observed(row), CompletionSettings()))
 
 
 def test_wheels_taken_for_ground_are_the_objects_and_the_ground_is_not():
@@ -72,7 +72,9 @@ def test_a_missed_objects_box_claims_what_stands_in_it():
         np.array([0]), np.array([0]), np.array([-1]), np.array([[0.0, 0.0, 0.6]]), np.array([[4.0, 2.0, 1.2]]),
         np.zeros(1), np.zeros((1, 3)),
     )  # fmt: skip
-    found = paint_objects(points, ids, ids, part == 0, np.ones(len(points), bool), row, CompletionSettings())
+    found = paint_objects(
+        points, ids, ids, part == 0, np.ones(len(points), bool), row, observed(row), CompletionSettings()
+    )
     labels, _ = with_labels(found)
     assert (labels[part == 1] == Label.MOVING).all()
     assert (labels[part == 0] == Label.STATIC).all()
@@ -83,7 +85,7 @@ def test_no_moving_tracks_leave_everything_static():
     ids, boxes = np.zeros(0, np.int64), np.zeros((0, 3))
     none = Tracks(ids, ids, ids, boxes, boxes, np.zeros(0), boxes)
     nowhere = np.full(len(points), -1, np.int32)
-    tracks = paint_objects(points, nowhere, nowhere, part == 0, part >= 0, none, CompletionSettings())
+    tracks = paint_objects(points, nowhere, nowhere, part == 0, part >= 0, none, observed(none), CompletionSettings())
     assert (tracks == -1).all()
 
 

@@ -68,14 +68,14 @@ def test_a_car_that_one_scan_sees_to_move_is_believed_to_move_more_once_later_sc
     before = probability(following, 0.1)
     for k in range(2):
         following.renew(0.1 * k, cars(1.0 * k), more)
-    assert before < probability(following, 0.1) > SETTINGS.judge.min_probability
+    assert before < probability(following, 0.1) > 0.5
 
 
 def test_what_the_past_saw_to_be_empty_moves_the_moment_it_is_taken():
     at_once, later = Following(SETTINGS, 0.0), Following(SETTINGS, 0.0)
     at_once.add(0.0, cars(1.0), Comparisons(9, is_far=True, is_past=True))
     later.add(0.0, cars(1.0), Comparisons(9, is_far=True, is_past=False))
-    assert probability(at_once, 0.0) > SETTINGS.judge.min_probability
+    assert probability(at_once, 0.0) > 0.5
     assert probability(later, 0.0) == 0.0  # others have looked since, and it was seen once
 
 
@@ -101,6 +101,6 @@ def test_a_car_that_stood_for_seconds_is_believed_to_move_within_half_a_metre():
         share = 100.0 * min(0.4 + x, 1.0)  # of its points, where it was free before: its front has gone on
         found = Detections.of_objects(cars(x).boxes, np.full(1, 100.0), np.full(1, share), np.full(1, 100.0 - share))
         following.add(0.1 * (stood + j), found, ASKED)
-        if probability(following, 0.1 * (stood + j)) >= SETTINGS.judge.min_probability:
+        if probability(following, 0.1 * (stood + j)) >= 0.5:
             break
     assert x < 0.5

@@ -1,4 +1,4 @@
-"""Displacement of the faces of tracked boxes, and their scatter about their paths."""
+"""The scatter of the faces of tracked boxes about their paths."""
 
 from __future__ import annotations
 
@@ -6,29 +6,25 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
-_ENDS, _AROUND = 5, 3
-"""Observations at each end of a track for the median that is its start or end, and on either side for the path."""
+Rows = npt.NDArray[np.int64]
+_AROUND = 3  # observations on either side for the running median
 
 
-def follow_faces(first: npt.NDArray[np.int64], faces: Array) -> tuple[Array, Array]:
-    """Return the displacement of each face of each track, and the mean square of its path about its running median.
+def face_scatter(first: Rows, faces: Array) -> Array:
+    """Return (T, F) the mean square of the path of each face of each track about its running median, square metres.
 
-    Both are (T, F), metres and square metres; `first` (T + 1,) is the first observation of each track among the
-    coordinates `faces` (R, F). Medians suppress single outliers at an end.
+    `first` (T + 1,) is the first observation of each track among the coordinates `faces` (R, F).
     """
-    begin, end = first[:-1], first[1:]
-    length = end - begin
-    n = np.clip(length // 3, 1, _ENDS)
+    begin, length = first[:-1], np.diff(first)
     track, row = np.repeat(np.arange(len(length)), length), np.arange(len(faces))
-    low, high = np.maximum(row - _AROUND, begin[track]), np.minimum(row + _AROUND + 1, end[track])
-    displacement, scatter = np.empty((2, len(length), faces.shape[1]))
+    low, high = np.maximum(row - _AROUND, begin[track]), np.minimum(row + _AROUND + 1, first[1:][track])
+    scatter = np.empty((len(length), faces.shape[1]))
     for k, path in enumerate(faces.T):
-        displacement[:, k] = _medians(path, end - n, end) - _medians(path, begin, begin + n)
-        scatter[:, k] = np.bincount(track, (path - _medians(path, low, high)) ** 2, len(length)) / length
-    return displacement, scatter
+        scatter[:, k] = np.bincount(track, (path - _medians(path, low, high)) ** 2, len(length)) / np.maximum(length, 1)
+    return scatter
 
 
-def _medians(values: Array, begin: npt.NDArray[np.int64], end: npt.NDArray[np.int64]) -> Array:
+def _medians(values: Array, begin: Rows, end: Rows) -> Array:
     """Return (K,) the medians of `values` (R,) from each of `begin` to before `end` (K,), which are near each other."""
     n = end - begin
     at = begin[:, None] + np.arange(n.max(initial=1))

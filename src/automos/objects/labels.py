@@ -10,6 +10,8 @@ others are STATIC.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -27,14 +29,23 @@ from automos.objects.tracks import Tracks
 from automos.settings import Settings
 
 
+class InScan(NamedTuple):
+    """The objects in one scan: a row for every track, one for every segment of a track, and one for every scrap."""
+
+    tracks: Tracks
+    parts: Tracks
+    scraps: Tracks
+
+
 def label_scans(scans: Scans, objects: TrackedObjects, settings: Settings, workers: int, missing: list[int]) -> PerScan:
     """Yield for each missing scan every point's label, moving track and confidence."""
     is_followed = settings.tracking.method == "paper" or can_follow(scans.frames.stamps)
-    rows_of_scan = objects.tracks.rows_by_scan(len(scans.names))
+    tables = (objects.tracks, objects.parts, objects.scraps)
+    rows_of_scan = [table.rows_by_scan(len(scans.names)) for table in tables]
 
     def label_scan(i: int) -> Arrays:
         found, about = scans.instances.load(scans.names[i]), scans.candidates.load(scans.names[i], "kind", "log_odds")
-        here = objects.tracks[rows_of_scan[i]]
+        here = InScan(*(table[rows[i]] for table, rows in zip(tables, rows_of_scan, strict=True)))
         return label_points(scans.frames[i], about, found, here, objects, settings, is_followed)
 
     return zip(missing, map_in_order(label_scan, missing, workers, threads=True), strict=True)
@@ -44,20 +55,21 @@ def label_points(
     frame: Frame,
     about: Mapping[str, npt.NDArray],
     found: Mapping[str, npt.NDArray],
-    here: Tracks,
+    here: InScan,
     objects: TrackedObjects,
     settings: Settings,
     is_followed: bool,
 ) -> dict[str, npt.NDArray]:
     """Return every point's label, moving track and confidence.
 
-    about, found : the frame's candidates and instances.   here : the rows of all tracks in it.
+    about, found : the frame's candidates and instances.   here : the objects in it.
     is_followed : whether the scan rate is high enough for tracking.
     """
     track = _moving_tracks(frame, about, found, here, objects, settings)
     label = np.where(track >= 0, Label.MOVING, Label.STATIC).astype(np.uint8)
-    owner = np.where(track >= 0, track, tracks_of_points(found["ids"], found["stayed"], here))
+    owner = np.where(track >= 0, track, tracks_of_points(found["ids"], found["stayed"], here.parts))
     confidence = point_confidence(track >= 0, owner, objects.verdicts.confidence, about["log_odds"], about["kind"])
+    _label_scraps(label, confidence, track, found, here.scraps, settings.labels.moving)
     if not is_followed:
         moves = find_moved(found["ids"], Detections.from_arrays(found))
         label[moves] = Label.MOVING
@@ -74,20 +86,39 @@ def _moving_tracks(
     frame: Frame,
     about: Mapping[str, npt.NDArray],
     found: Mapping[str, npt.NDArray],
-    here: Tracks,
+    here: InScan,
     objects: TrackedObjects,
     settings: Settings,
 ) -> npt.NDArray[np.int32]:
     """Return (M,) the moving track that each point of a frame belongs to, -1 for none."""
-    is_moving = objects.verdicts.is_moving[here.track]
+    is_moving = objects.verdicts.is_moving[here.tracks.track]
     if settings.labels.moving == "now":
-        is_moving &= np.linalg.norm(here.velocity, axis=1) >= settings.labels.now_speed
-    moving, points = here[np.flatnonzero(is_moving)], frame.points_level
+        is_moving &= here.tracks.p_moving >= 0.5
+    moving, points = here.tracks[np.flatnonzero(is_moving)], frame.points_level
     if settings.tracking.method == "paper":
         return paint_points(points, found["ids"], moving)
+    parts = here.parts[np.flatnonzero(np.isin(here.parts.track, moving.track))]
     may_move = (about["kind"] != EGO_BODY) & (about["log_odds"] >= 0.0)
     is_ground, completion = about["kind"] == GROUND, settings.tracking.completion
-    track = paint_objects(points, found["ids"], found["stayed"], is_ground, may_move, moving, completion)
+    track = paint_objects(points, found["ids"], found["stayed"], is_ground, may_move, moving, parts, completion)
     if objects.places is not None:
         track[objects.places.static_points(points, track)] = -1
     return track
+
+
+def _label_scraps(
+    label: npt.NDArray[np.uint8],
+    confidence: npt.NDArray[np.uint8],
+    track: npt.NDArray[np.int32],
+    found: Mapping[str, npt.NDArray],
+    scraps: Tracks,
+    moving: str,
+) -> None:
+    """Label the points (M,) of moving scraps that no body has, in place."""
+    if moving == "now":
+        scraps = scraps[np.flatnonzero(scraps.p_moving >= 0.5)]
+    numbered = replace(scraps, track=np.arange(len(scraps.track)))
+    scrap = tracks_of_points(found["ids"], found["stayed"], numbered)
+    rows = np.flatnonzero((scrap >= 0) & (track < 0))
+    label[rows] = Label.MOVING
+    confidence[rows] = np.round(255.0 * scraps.p_moving[scrap[rows]])

@@ -37,6 +37,7 @@ def paint_objects(
     is_ground: Mask,
     may_move: Mask,
     moving: Tracks,
+    parts: Tracks,
     settings: CompletionSettings,
 ) -> Ids:
     """Return (M,) int32 the moving track that each of one scan's points belongs to, -1 for none (`default`).
@@ -47,9 +48,9 @@ def paint_objects(
     ids, stayed : (M,) int32, segment of each point, and segment that has stayed as a whole; -1 for none.
     is_ground : (M,) bool, points classified as ground.
     may_move : (M,) bool, points that are not known to have stayed and are not ego body.
-    moving : Tracks, the rows of moving tracks in this scan, observed or predicted.
+    moving : Tracks, the rows of moving tracks in this scan, observed or predicted.   parts : all their segments.
     """
-    track_of, margin = tracks_of_points(ids, stayed, moving), settings.margin
+    track_of, margin = tracks_of_points(ids, stayed, parts), settings.margin
     owned = np.flatnonzero(track_of >= 0)
     for k in range(len(moving.track)):
         segment, center, size = moving.segment[k], moving.center[k], moving.size[k]

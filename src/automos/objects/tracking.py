@@ -2,84 +2,155 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.core.parallel import map_in_order
-from automos.core.scan import OBJECT, Frames
-from automos.core.workspace import Stage
+from automos.core.scan import OBJECT, Mask
+from automos.objects.bodies import joined, links_in_time, parts_of_bodies
 from automos.objects.detections import Detections
-from automos.objects.judge import judge_tracks, segment_terms, without_scenery
+from automos.objects.extents import Scans, whole_boxes
+from automos.objects.judge import is_scenery, judge_tracks, moving_now, segment_terms
 from automos.objects.object_points import tracks_of_points
-from automos.objects.paper.verdict import judge_by_trajectory
+from automos.objects.paper.verdict import judge_by_trajectory, with_speed_as_state
 from automos.objects.places import Places, count_places, held_places, touched_columns
-from automos.objects.smoothing import smooth_tracks
 from automos.objects.tracker import can_follow, track_objects
-from automos.objects.tracks import Tracks
+from automos.objects.tracks import Tracks, observed, of_rows, of_tracks
 from automos.objects.verdict import Verdicts
 from automos.settings import Settings
 
+Array = npt.NDArray[np.float64]
 
-@dataclass(frozen=True, eq=False)
-class Scans:
-    """The scans of a recording, their names, and the results of the earlier stages."""
 
-    frames: Frames
-    names: list[str]
-    candidates: Stage
-    instances: Stage
+MIN_POINTS, MIN_TIME = 50, 0.5
+"""Points and seconds, over its life, of the smallest body in any list: of what is less, neither extent nor path is
+known."""
+SCRAP = 0.95
+"""Probability from which on such a scrap moves: where poses slip for a moment, everything seems to."""
+_OF_PARTS = ("track", "scan", "segment", "p_moving")
 
 
 @dataclass(frozen=True, eq=False)
 class TrackedObjects:
-    """Tracks, the verdict on each, and the places of static objects beside them, if known."""
+    """Bodies and all else that was tracked, the verdict on each, and the places of static objects beside them.
+
+    `parts` has a row for every segment of every track; of several in a scan, `tracks` has the main one. `scraps` are
+    segments that moved and are too small to be bodies; their `p_moving` is the probability that they did.
+    """
 
     tracks: Tracks
     verdicts: Verdicts
     places: Places | None = None
+    parts: Tracks = None  # type: ignore[assignment]
+    scraps: Tracks = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        if self.parts is None:
+            object.__setattr__(self, "parts", observed(self.tracks))
+        if self.scraps is None:
+            object.__setattr__(self, "scraps", self.tracks[np.zeros(0, np.int64)])
 
     def to_arrays(self) -> dict[str, npt.NDArray]:
         """Return everything by name, for saving."""
         places = {} if self.places is None else self.places.to_arrays()
-        return {**self.tracks.to_arrays(), **self.verdicts.to_arrays(), **places}
+        more = {f"{name}_{c}": getattr(getattr(self, name), c) for name in ("parts", "scraps") for c in _OF_PARTS}
+        return {**self.tracks.to_arrays(), **self.verdicts.to_arrays(), **places, **more}
 
     @staticmethod
     def from_arrays(arrays: Mapping[str, npt.NDArray]) -> TrackedObjects:
         """Return the objects saved by `to_arrays`."""
         places = Places.from_arrays(arrays) if "places" in arrays else None
-        return TrackedObjects(Tracks.from_arrays(arrays), Verdicts.from_arrays(arrays), places)
+        more = [Tracks.of_segments(*(arrays[f"{name}_{c}"] for c in _OF_PARTS)) for name in ("parts", "scraps")]
+        return TrackedObjects(Tracks.from_arrays(arrays), Verdicts.from_arrays(arrays), places, *more)
 
 
 def follow_and_judge(scans: Scans, settings: Settings, workers: int) -> TrackedObjects:
-    """Return the tracks of all objects of a recording and their verdicts."""
+    """Return the bodies of a recording, all else that was tracked, and whether each has moved."""
     tracking, stamps = settings.tracking, scans.frames.stamps
     detections = [Detections.from_arrays(scans.instances.load(name, *Detections.columns())) for name in scans.names]
     if tracking.method == "paper":
         tracks = track_objects(zip(stamps, detections, strict=True), tracking)
-        return TrackedObjects(tracks, judge_by_trajectory(tracks, tracking.verdict))
+        return TrackedObjects(with_speed_as_state(tracks), judge_by_trajectory(tracks, tracking.verdict))
     if not can_follow(stamps):
         detections = [of_scan[np.zeros(0, np.int64)] for of_scan in detections]
     tracks = track_objects(zip(stamps, detections, strict=True), tracking)
-    verdicts = judge_tracks(tracks, [segment_terms(found) for found in detections], tracking.judge)
-    tracks, verdicts = without_scenery(tracks, verdicts, detections)
-    tracks = smooth_tracks(tracks, verdicts.is_moving, detections, stamps)
-    return TrackedObjects(tracks, verdicts, find_places(scans, tracks, verdicts, settings, workers))
+    tracks, parts = _bodies(scans, tracks, detections, workers)
+    verdicts = judge_tracks(tracks, [segment_terms(found) for found in detections], stamps)
+    kept = ~is_scenery(tracks, verdicts, detections)
+    is_scrap = verdicts.is_moving & _is_small(parts, len(tracks), detections, stamps)
+    is_sure = is_scrap & (verdicts.confidence >= SCRAP)
+    scraps = of_tracks(parts, is_sure)
+    scraps = replace(scraps, p_moving=verdicts[is_sure].confidence[scraps.track])
+    kept &= ~is_scrap
+    tracks, parts, verdicts = of_tracks(tracks, kept), of_tracks(parts, kept), verdicts[kept]
+    tracks = _with_whole_boxes(scans, tracks, parts, verdicts.is_moving, detections, workers)
+    tracks = moving_now(tracks, verdicts, stamps)
+    places = find_places(scans, tracks, parts, verdicts, settings, workers)
+    return TrackedObjects(tracks, verdicts, places, parts, scraps)
 
 
-def find_places(scans: Scans, tracks: Tracks, verdicts: Verdicts, settings: Settings, workers: int) -> Places:
+def _is_small(parts: Tracks, n: int, detections: Sequence[Detections], stamps: Array) -> Mask:
+    """Return (T,) which of `n` tracks have too few points, or were seen for too short a time, to be bodies."""
+    n_points = np.nan_to_num(of_rows(parts, [found.n_points for found in detections]))
+    begin, end = np.full(n, np.inf), np.full(n, -np.inf)
+    np.minimum.at(begin, parts.track, stamps[parts.scan])
+    np.maximum.at(end, parts.track, stamps[parts.scan])
+    return (np.bincount(parts.track, n_points, n) < MIN_POINTS) | (end - begin < MIN_TIME)
+
+
+def _bodies(scans: Scans, tracks: Tracks, detections: Sequence[Detections], workers: int) -> tuple[Tracks, Tracks]:
+    """Return the rows of bodies, of the tracklets `tracks` that are one thing, and those of all their parts."""
+    stamps = scans.frames.stamps
+    is_moving = judge_tracks(tracks, [segment_terms(found) for found in detections], stamps).is_moving
+    tracks = _with_whole_boxes(scans, tracks, observed(tracks), is_moving, detections, workers)
+    n_points = np.nan_to_num(of_rows(tracks, [found.n_points for found in detections]))
+    owner = parts_of_bodies(tracks, is_moving, np.bincount(tracks.track, n_points, len(tracks)))
+    is_whole = np.bincount(tracks.track, owner == tracks.track, len(tracks)) > 0
+    return joined(tracks, owner, *links_in_time(tracks, is_moving, is_whole, stamps), n_points)
+
+
+def _with_whole_boxes(
+    scans: Scans,
+    tracks: Tracks,
+    parts: Tracks,
+    is_moving: Mask,
+    detections: Sequence[Detections],
+    workers: int,
+) -> Tracks:
+    """Return `tracks` with the whole boxes of moving bodies, and the others as they are, at rest."""
+    rows = np.flatnonzero(is_moving[tracks.track])
+    moving = tracks[rows]
+    moving = replace(moving, center=of_rows(moving, [found.boxes.center for found in detections]))
+    yaw, length = (
+        np.nan_to_num(of_rows(moving, of_scans))
+        for of_scans in ([found.boxes.yaw for found in detections], [found.boxes.size[:, 0] for found in detections])
+    )
+    moving = whole_boxes(scans, moving, parts[np.flatnonzero(is_moving[parts.track])], yaw, length, workers)
+    center, size, yaw = tracks.center.copy(), tracks.size.copy(), tracks.yaw.copy()
+    velocity = np.zeros_like(tracks.velocity)
+    center[rows], size[rows], yaw[rows], velocity[rows] = moving.center, moving.size, moving.yaw, moving.velocity
+    return replace(tracks, center=center, size=size, yaw=yaw, velocity=velocity)
+
+
+def find_places(
+    scans: Scans, tracks: Tracks, parts: Tracks, verdicts: Verdicts, settings: Settings, workers: int
+) -> Places:
     """Return the places occupied by movers that static objects occupied in many more scans."""
     moving = tracks[np.flatnonzero(verdicts.is_moving[tracks.track] & tracks.is_observed)]
     columns, n = touched_columns(moving.boxes), len(scans.names)
-    rows_of_scan = moving.rows_by_scan(n)
+    rows_of_scan = parts.rows_by_scan(n)
+    is_moving = verdicts.is_moving[parts.track]
 
     def held(i: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
         name = scans.names[i]
         found, about = scans.instances.load(name, "ids", "stayed"), scans.candidates.load(name, "kind", "log_odds")
         stands = np.flatnonzero(about["kind"] == OBJECT)
-        track = tracks_of_points(found["ids"][stands], found["stayed"][stands], moving[rows_of_scan[i]])
+        track = tracks_of_points(
+            found["ids"][stands], found["stayed"][stands], parts[rows_of_scan[i][is_moving[rows_of_scan[i]]]]
+        )
         has_stayed = about["log_odds"][stands] < -settings.instances.components.min_log_odds
         return held_places(scans.frames[i].points_level[stands], track >= 0, (track < 0) & has_stayed, columns)
 

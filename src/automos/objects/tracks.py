@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +23,7 @@ class Tracks(ColumnData):
     segment : (R,) int64, associated segment of that scan, -1 where the object was missed.
     center, size, yaw : (R, 3), (R, 3), (R,) float64, estimated box, level frame, metres and radians.
     velocity : (R, 3) float64, metres per second, level frame.
+    p_moving : (R,) float64, probability that the object moves in that scan; 0 if not given.
     """
 
     track: npt.NDArray[np.int64]
@@ -31,6 +33,11 @@ class Tracks(ColumnData):
     size: npt.NDArray[np.float64]
     yaw: npt.NDArray[np.float64]
     velocity: npt.NDArray[np.float64]
+    p_moving: npt.NDArray[np.float64] = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        if self.p_moving is None:
+            object.__setattr__(self, "p_moving", np.zeros(len(self.track)))
 
     def __len__(self) -> int:
         return int(self.track[-1]) + 1 if len(self.track) else 0
@@ -44,6 +51,12 @@ class Tracks(ColumnData):
         none, nowhere = np.zeros(0, np.int64), np.zeros((0, 3))
         table = super().concatenate([cls(none, none, none, nowhere, nowhere, np.zeros(0), nowhere), *parts])
         return table[np.lexsort((table.scan, table.track))]
+
+    @classmethod
+    def of_segments(cls, track: npt.NDArray, scan: npt.NDArray, segment: npt.NDArray, p_moving: npt.NDArray) -> Tracks:
+        """Return rows of which the boxes are not known."""
+        nowhere = np.zeros((len(track), 3))
+        return cls(track, scan, segment, nowhere, nowhere, np.zeros(len(track)), nowhere, p_moving)
 
     @property
     def is_observed(self) -> npt.NDArray[np.bool_]:
@@ -60,6 +73,28 @@ class Tracks(ColumnData):
         order = np.argsort(self.scan, kind="stable")
         return np.split(order, np.searchsorted(self.scan[order], np.arange(1, n_scans))) if n_scans else []
 
+    def first_rows(self) -> npt.NDArray[np.int64]:
+        """Return (T,) the first row of each track."""
+        return np.searchsorted(self.track, np.arange(len(self)))
+
     def rows_of(self, track: int) -> slice:
         """Return the rows of one track."""
         return slice(int(np.searchsorted(self.track, track)), int(np.searchsorted(self.track, track, side="right")))
+
+
+def observed(tracks: Tracks) -> Tracks:
+    """Return the rows with a segment."""
+    return tracks[np.flatnonzero(tracks.is_observed)]
+
+
+def of_tracks(tracks: Tracks, is_kept: npt.NDArray[np.bool_]) -> Tracks:
+    """Return the rows of the tracks that are kept (T,), numbered anew."""
+    kept = tracks[np.flatnonzero(is_kept[tracks.track])]
+    return replace(kept, track=(np.cumsum(is_kept) - 1)[kept.track])
+
+
+def of_rows(tracks: Tracks, per_scan: Sequence[npt.NDArray]) -> npt.NDArray:
+    """Return (R, ...) what `per_scan` says of the segment of each row, NaN where there is none."""
+    begins = np.cumsum([0, *(len(of_scan) for of_scan in per_scan)])
+    nothing = np.full((1, *per_scan[0].shape[1:]), np.nan)
+    return np.concatenate([*per_scan, nothing])[np.where(tracks.is_observed, begins[tracks.scan] + tracks.segment, -1)]

@@ -15,10 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.objects.detections import Detections
-from automos.objects.judge import SegmentTerms, is_scenery, judge_tracks, segment_terms
-from automos.objects.smoothing import smooth_tracks
+from automos.objects.judge import SegmentTerms, is_scenery, judge_tracks, moving_now, segment_terms
+from automos.objects.motion import smooth_paths
 from automos.objects.tracker import Tracker, can_follow, until_last_seen
-from automos.objects.tracks import Tracks
+from automos.objects.tracks import Tracks, of_rows
 from automos.objects.verdict import Verdict, Verdicts
 from automos.settings import TrackingSettings
 
@@ -135,7 +135,7 @@ class Following:
         is_followed = can_follow(stamps)
         tracks, numbers = _through(steps, scan)
         detections = [step.found for step in steps]
-        verdicts = self._with_memory(self._judged(tracks, steps, stamps > stamp - RECENT), numbers)
+        verdicts = self._with_memory(self._judged(tracks, steps, stamps, stamps > stamp - RECENT), numbers)
         begins = np.full(len(numbers), len(steps))
         # Rows of a track are in the order of scans: assigned backwards, the first one remains.
         begins[tracks.track[::-1]] = tracks.scan[::-1]
@@ -144,16 +144,18 @@ class Following:
             verdicts = Verdicts(np.full_like(verdicts.verdict, Verdict.STATIC), verdicts.confidence)
         kept = ~is_scenery(tracks, verdicts, detections)
         rows = np.flatnonzero((tracks.scan == scan) & kept[tracks.track])
-        smooth = smooth_tracks(tracks, verdicts.is_moving, detections, stamps)
+        smooth = moving_now(_smooth(tracks, verdicts.is_moving, detections, stamps), verdicts, stamps)
         return Followed(smooth[rows], verdicts, numbers, is_followed)
 
-    def _judged(self, tracks: Tracks, steps: list[_Step], is_recent: npt.NDArray[np.bool_]) -> Verdicts:
+    def _judged(
+        self, tracks: Tracks, steps: list[_Step], stamps: npt.NDArray[np.float64], is_recent: npt.NDArray[np.bool_]
+    ) -> Verdicts:
         """Return the verdicts on the tracks, moving for those that have moved in their life or in the last second."""
         terms, shifts = [step.terms for step in steps], np.array([step.shift for step in steps])
-        of_life = judge_tracks(tracks, terms, self._settings.judge, shifts)
+        of_life = judge_tracks(tracks, terms, stamps, shifts)
         late = is_recent[tracks.scan]
         n_seen = [np.bincount(tracks.track, part & tracks.is_observed, len(tracks)) for part in (late, ~late)]
-        lately = judge_tracks(tracks[np.flatnonzero(late)], terms, self._settings.judge, shifts)
+        lately = judge_tracks(tracks[np.flatnonzero(late)], terms, stamps, shifts)
         sets_off = lately.is_moving & (np.minimum(*n_seen) >= FEW) & ~of_life.is_moving
         return Verdicts(
             np.where(sets_off, lately.verdict, of_life.verdict),
@@ -175,6 +177,18 @@ class Following:
         self._moved = {number: p for number, p in self._moved.items() if number in alive}
         for k in np.flatnonzero(is_old & verdicts.is_moving):
             self._moved.setdefault(int(numbers[k]), float(verdicts.confidence[k]))
+
+
+def _smooth(
+    tracks: Tracks, is_moving: npt.NDArray[np.bool_], detections: list[Detections], stamps: npt.NDArray[np.float64]
+) -> Tracks:
+    """Return `tracks` with smoothed centres and velocities of the moving ones."""
+    rows = np.flatnonzero(is_moving[tracks.track])
+    first = np.append(np.flatnonzero(np.diff(tracks.track[rows], prepend=-1)), len(rows))
+    measured = of_rows(tracks[rows], [found.boxes.center for found in detections])
+    center, velocity = tracks.center.copy(), tracks.velocity.copy()
+    center[rows], velocity[rows], _ = smooth_paths(first, stamps[tracks.scan[rows]], measured)
+    return replace(tracks, center=center, velocity=velocity)
 
 
 def _through(steps: list[_Step], scan: int) -> tuple[Tracks, npt.NDArray[np.int64]]:

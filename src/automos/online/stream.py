@@ -13,7 +13,7 @@ from automos.core.errors import InputError
 from automos.core.labels import Label
 from automos.core.scan import Pose, Scan
 from automos.objects.detections import Detections
-from automos.objects.labels import label_points
+from automos.objects.labels import InScan, label_points
 from automos.objects.tracking import TrackedObjects
 from automos.online.following import Followed, Following
 from automos.online.labelled_scan import LabelledScan, is_unknown, objects_of
@@ -75,7 +75,13 @@ class Stream:
         followed = self._following.at(scan.stamp, ahead)
         judged = TrackedObjects(followed.here, followed.verdicts)
         painted = label_points(
-            frame, scan.about, scan.segments, followed.here, judged, self._settings, followed.is_followed
+            frame,
+            scan.about,
+            scan.segments,
+            InScan(judged.tracks, judged.parts, judged.scraps),
+            judged,
+            self._settings,
+            followed.is_followed,
         )
         labels, track = painted["label"], painted["track"]
         unknown = is_unknown(scan.about, scan.segments)

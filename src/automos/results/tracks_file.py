@@ -18,6 +18,7 @@ from automos.core.atomic import atomic_path
 from automos.core.errors import InputError
 from automos.core.geometry import FARTHEST, inverse
 from automos.core.reading import checked, read_json
+from automos.objects.kinds import Kind, kind_probabilities
 from automos.objects.tracks import Tracks
 from automos.objects.verdict import Verdict, Verdicts
 from automos.odometry.trajectory import Trajectory
@@ -46,12 +47,18 @@ class _Box(_Strict):
     size: Annotated[list[Size], Field(min_length=3, max_length=3)]
     yaw: Annotated[float, Field(ge=-100.0, le=100.0)]
     velocity: Three
+    p_moving: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
 
 
 class _Track(_Strict):
     id: Annotated[int, Field(ge=1, le=1 << 53)]
     verdict: Literal["unknown", "static", "moving"]
     confidence: Annotated[float, Field(ge=0.0, le=1.0)]
+    p_moved: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    kind: dict[str, float] = Field(default_factory=dict)
+    displacement: Annotated[float, Field(ge=0.0)] = 0.0
+    moves_from: Annotated[float, Field(allow_inf_nan=False)] | None = None
+    moves_until: Annotated[float, Field(allow_inf_nan=False)] | None = None
     boxes: Annotated[list[_Box], Field(min_length=1)]
 
 
@@ -97,7 +104,16 @@ def write_tracks(path: Path, trajectory: Trajectory, names: list[str], entries: 
     head = {
         "frame": "level: z up, ground under the first scan at z = 0; T_world_level maps it to the frame of poses.txt",
         "T_world_level": np.round(inverse(trajectory.T_level_world), 9).tolist(),
-        "units": {"center": "m", "size": "m: length, width, height", "yaw": "rad", "velocity": "m/s", "stamp": "s"},
+        "units": {
+            "center": "m",
+            "size": "m: length, width, height",
+            "yaw": "rad",
+            "velocity": "m/s",
+            "stamp": "s",
+            "displacement": "m",
+            "moves_from": "s",
+            "moves_until": "s",
+        },
         "scans": names,
     }
     with atomic_path(path) as temporary, temporary.open("w") as file:
@@ -123,19 +139,36 @@ def box_entry(scan: int, stamp: float, observed: bool, columns: list[float]) -> 
 
 
 def track_entries(tracks: Tracks, verdicts: Verdicts, trajectory: Trajectory) -> Iterator[dict[str, Any]]:
-    """Yield what tracks.json says of each track, in their order."""
+    """Yield what tracks.json says of each track, in their order.
+
+    `p_moved` is the probability that it moved at some time, `p_moving` of a box that it moves in that scan; `kind` are
+    the probabilities of each kind; `displacement`, metres, is from its first to its last box; `moves_from` and
+    `moves_until`, seconds, are the first and the last scan in which it moves, null where it never does.
+    """
     columns = np.column_stack([tracks.center, tracks.size, tracks.yaw, tracks.velocity]).round(3).tolist()
-    stamps = np.round(trajectory.stamps, 6).tolist()
+    stamps, p_moving = np.round(trajectory.stamps, 6).tolist(), tracks.p_moving.round(3).tolist()
+    speed = np.linalg.norm(tracks.velocity, axis=1)
     for k in range(len(tracks)):
         rows = tracks.rows_of(k)
         boxes = [
-            box_entry(int(tracks.scan[r]), stamps[tracks.scan[r]], bool(tracks.segment[r] >= 0), columns[r])
+            {
+                **box_entry(int(tracks.scan[r]), stamps[tracks.scan[r]], bool(tracks.segment[r] >= 0), columns[r]),
+                "p_moving": p_moving[r],
+            }
             for r in range(rows.start, rows.stop)
         ]
+        sure, is_moving = float(verdicts.confidence[k]), verdicts.verdict[k] == Verdict.MOVING
+        kinds = kind_probabilities(np.median(tracks.size[rows], axis=0)[None], speed[rows].max(keepdims=True))[0]
+        moves = [box["stamp"] for box in boxes if is_moving and box["p_moving"] >= 0.5]
         yield {
             "id": k + 1,
             "verdict": Verdict(verdicts.verdict[k]).name.lower(),
-            "confidence": round(float(verdicts.confidence[k]), 3),
+            "confidence": round(sure, 3),
+            "p_moved": round(sure if is_moving else 1.0 - sure, 3),
+            "kind": {kind.name.lower(): round(float(p), 3) for kind, p in zip(Kind, kinds, strict=True)},
+            "displacement": round(float(np.linalg.norm(tracks.center[rows][-1] - tracks.center[rows][0])), 3),
+            "moves_from": min(moves, default=None),
+            "moves_until": max(moves, default=None),
             "boxes": boxes,
         }
 

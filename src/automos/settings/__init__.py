@@ -23,7 +23,6 @@ from automos.settings.tracking import (
     CompletionSettings,
     FilterSettings,
     GateSettings,
-    JudgeSettings,
     TrackingSettings,
     VerdictSettings,
 )
@@ -34,7 +33,7 @@ __all__ = [
     "AssociationSettings",
     "CandidatesSettings", "CompletionSettings", "DetectSettings",
     "EgoBodySettings", "ErasorSettings", "FilterSettings", "FreeSpaceSettings", "GateSettings",
-    "GroundSettings", "HdbscanSettings", "ImageSettings", "InstancesSettings", "JudgeSettings",
+    "GroundSettings", "HdbscanSettings", "ImageSettings", "InstancesSettings",
     "LabelsSettings", "LoopSettings", "MapSettings", "ModelSettings", "NetworkSettings",
     "OdometrySettings", "OutputSettings", "RecordingSettings",
     "SegmentSettings", "SelfTrainingSettings", "Settings",

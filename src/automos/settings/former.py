@@ -63,7 +63,8 @@ CONSTANTS = {
     "instances.components.segments": "height_bin thin_share thin_rows",
     "tracking.filter": "measurement_share whole_side",
     "tracking.gates": "max_climb max_size_change max_count_ratio size_weight count_weight evidence_weight",
-    "tracking.judge": "prior displacement unsteady hover pieces",
+    "tracking.judge": "min_probability prior displacement unsteady hover pieces",
+    "labels": "now_speed",
     "tracking.smoothing": "noise acceleration",
     "tracking.completion": "ring ground_clearance",
 }

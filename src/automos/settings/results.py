@@ -13,7 +13,6 @@ class LabelsSettings(Group):
     """The meaning of the labels."""
 
     moving: Literal["sequence", "now"] = Field("sequence", description="moved at any time, or moves in this scan")
-    now_speed: float = Field(0.5, ge=0, description="m/s, least speed of an object that moves now; more labels less")
     unsure: float = Field(0.0, ge=0, le=1, description="confidence below which a point is unlabeled; more labels less")
 
 

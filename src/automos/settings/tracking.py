@@ -44,12 +44,6 @@ class GateSettings(Group):
     gate: float = Field(3.0, gt=0, description="standard deviations of the innovation; more allows more pairs")
 
 
-class JudgeSettings(Group):
-    """When a track counts as moving."""
-
-    min_probability: float = Field(0.82, gt=0, lt=1, description="probability of a moving track; more labels less")
-
-
 class CompletionSettings(Group):
     """Which points beside its segment belong to a moving object."""
 
@@ -66,5 +60,4 @@ class TrackingSettings(Group):
     association: AssociationSettings = AssociationSettings()
     verdict: VerdictSettings = VerdictSettings()
     gates: GateSettings = GateSettings()
-    judge: JudgeSettings = JudgeSettings()
     completion: CompletionSettings = CompletionSettings()

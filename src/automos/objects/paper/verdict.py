@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from automos.objects.tracks import Tracks
 from automos.objects.verdict import Verdict, Verdicts
 from automos.settings import VerdictSettings
+
+NOW_SPEED = 0.5  # m/s, least speed of an object that moves in a scan
+
+
+def with_speed_as_state(tracks: Tracks) -> Tracks:
+    """Return `tracks` with probabilities of motion of 0 or 1, as the paper has none: whether the velocity is enough."""
+    return replace(tracks, p_moving=(np.linalg.norm(tracks.velocity, axis=1) >= NOW_SPEED).astype(np.float64))
 
 
 def judge_by_trajectory(tracks: Tracks, settings: VerdictSettings) -> Verdicts:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from automos.objects.smoothing import ACCELERATION, smooth
+from automos.objects.motion import ACCELERATION, NOISE, smooth, smooth_paths
 
 T = np.cumsum(np.r_[0.0, 0.1 + 0.05 * np.random.default_rng(0).random(19)])
 
@@ -35,8 +35,9 @@ def by_least_squares(t, z, variance, jerkiness):
     prior[0, 0] = prior[1, 1] = 0.01  # standard deviation 100
     A.extend(prior)
     b.extend([0.01 * z[0], 0.0])
-    x = np.linalg.lstsq(np.array(A), np.array(b), rcond=None)[0]
-    return x[::2], x[1::2]
+    A = np.array(A)
+    x = np.linalg.lstsq(A, np.array(b), rcond=None)[0]
+    return x[::2], x[1::2], np.diag(np.linalg.inv(A.T @ A))[1::2]
 
 
 def test_it_is_the_least_squares_estimate_with_and_without_gaps():
@@ -49,7 +50,7 @@ def test_it_is_the_least_squares_estimate_with_and_without_gaps():
 def test_even_motion_is_kept_and_gaps_are_filled_on_the_line():
     z = 1.0 - 4.0 * T
     z[8:14] = z[:2] = np.nan
-    x, v = smooth(T, z, 0.15**2, ACCELERATION**2)
+    x, v, _ = smooth(T, z, 0.15**2, ACCELERATION**2)
     np.testing.assert_allclose(x, 1.0 - 4.0 * T, atol=1e-3)
     np.testing.assert_allclose(v, -4.0, atol=1e-2)
 
@@ -57,13 +58,26 @@ def test_even_motion_is_kept_and_gaps_are_filled_on_the_line():
 def test_a_stop_is_seen_in_time():
     t = 0.1 * np.arange(60)
     z = np.minimum(t, 3.0) * 5.0 + 0.1 * np.random.default_rng(2).standard_normal(60)
-    _, v = smooth(t, z, 0.15**2, ACCELERATION**2)
+    _, v, _ = smooth(t, z, 0.15**2, ACCELERATION**2)
     assert abs(v[:20]).min() > 4.0
     assert abs(v[42:]).max() < 0.7
 
 
 @pytest.mark.parametrize("n", [1, 2])
 def test_short_tracks_have_states(n):
-    x, v = smooth(T[:n], np.arange(n, dtype=float), 0.02, 2.0)
+    x, v, _ = smooth(T[:n], np.arange(n, dtype=float), 0.02, 2.0)
     assert np.isfinite(x).all()
     assert np.isfinite(v).all()
+
+
+def test_paths_are_smoothed_each_by_itself():
+    first, times = np.array([0, 5, 8]), np.r_[0.1 * np.arange(5), 0.2 * np.arange(3)]
+    measured = np.random.default_rng(3).normal(size=(8, 2))
+    measured[2] = np.nan
+    position, velocity, variance = smooth_paths(first, times, measured)
+    for rows in (slice(0, 5), slice(5, 8)):
+        for axis in range(2):
+            x, v, of_v = smooth(times[rows], measured[rows, axis].copy(), NOISE**2, ACCELERATION**2)
+            np.testing.assert_array_equal(position[rows, axis], x)
+            np.testing.assert_array_equal(velocity[rows, axis], v)
+            np.testing.assert_array_equal(variance[rows], of_v)

@@ -1,0 +1,173 @@
+"""Bodies: which tracklets are one moving thing.
+
+*Parts.* Two solid bodies are never in one place. So a tracklet that lies within a moving body's box in most of its
+scans is a part of it: a wheel, a mirror, the edge of a roof.
+
+*Links.* What ends and what begins is one body if place, velocity and extent agree as the motion model expects after
+the time between: through occlusion, and through standing. Every end has one beginning at most, and every beginning one
+end: the assignment with the greatest likelihood over the recording.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from automos.core.scan import Mask
+from automos.objects.association import assign
+from automos.objects.motion import ACCELERATION, NOISE
+from automos.objects.tracks import Tracks, observed
+
+Array = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.int64]
+WITHIN = 0.5  # share of its scans in which a part lies within the body's box
+BESIDE = 0.3  # metres around a body's box in which its parts lie
+LONGEST = 5.0  # seconds between the end of one tracklet and the beginning of the next that may be one body
+REACH = 3.0  # standard deviations
+BIRTHS = 1e-3
+"""Bodies that come into sight, per square metre and square metre per second squared: the alternative to a link."""
+
+
+def parts_of_bodies(tracks: Tracks, is_moving: Mask, weight: npt.NDArray) -> Rows:
+    """Return (R,) for each row the track that it is a part of: its own, or a heavier moving one whose box it lies in.
+
+    tracks : whole boxes of the moving ones.   weight : (T,) points over life.
+    """
+    rows, body_rows = _enclosed(tracks, is_moving)
+    lighter = weight[tracks.track[rows]] < weight[tracks.track[body_rows]]
+    rows, body_rows = rows[lighter], body_rows[lighter]
+    part, body = tracks.track[rows], tracks.track[body_rows]
+    pairs, begin, times = _grouped(part, body)
+    end = begin + times - 1
+    way = tracks.center[body_rows[end]] - tracks.center[body_rows[begin]]
+    apart = tracks.center[rows[end]] - tracks.center[rows[begin]] - way
+    goes_with = np.linalg.norm(apart, axis=1) <= np.maximum(0.5 * np.linalg.norm(way, axis=1), BESIDE)
+    share = times / np.bincount(tracks.track[tracks.is_observed], minlength=len(tracks))[pairs[:, 0]]
+    share[~goes_with] = 0.0
+    owner = np.arange(len(tracks))
+    for k in np.argsort(share, kind="stable"):  # the greatest share comes last and remains
+        if share[k] >= WITHIN:
+            owner[pairs[k, 0]] = pairs[k, 1]
+    root = owner.copy()
+    while not np.array_equal(root, root[root]):  # ends, as each owner is heavier
+        root = root[root]
+    out = tracks.track.copy()
+    is_theirs = owner[part] == body
+    out[rows[is_theirs]] = root[part[is_theirs]]
+    return out
+
+
+def _enclosed(tracks: Tracks, is_moving: Mask) -> tuple[Rows, Rows]:
+    """Return the observed rows (P,) in a moving track's box in their scan, and its rows (P,), by pair and scan."""
+    found: list[tuple[Rows, Rows]] = [(np.zeros(0, np.int64),) * 2]
+    for here in tracks.rows_by_scan(int(tracks.scan.max(initial=-1)) + 1):
+        bodies = here[is_moving[tracks.track[here]]]
+        k, j = np.nonzero(_lies_within(tracks, here, bodies))
+        found.append((here[k], bodies[j]))
+    rows, bodies = (np.concatenate(column) for column in zip(*found, strict=True))
+    is_other = tracks.is_observed[rows] & (tracks.track[rows] != tracks.track[bodies])
+    rows, bodies = rows[is_other], bodies[is_other]
+    order = np.lexsort((tracks.scan[rows], tracks.track[bodies], tracks.track[rows]))
+    return rows[order], bodies[order]
+
+
+def _grouped(a: Rows, b: Rows) -> tuple[Rows, Rows, Rows]:
+    """Return the distinct pairs (K, 2) of sorted `a` and `b` (P,), where each begins, and how often it occurs."""
+    begin = np.flatnonzero((np.diff(a, prepend=-1) != 0) | (np.diff(b, prepend=-1) != 0))
+    return np.stack([a[begin], b[begin]], axis=1), begin, np.diff(np.append(begin, len(a)))
+
+
+def _lies_within(tracks: Tracks, rows: Rows, bodies: Rows) -> Mask:
+    """Return (K, J) whether the centre of each of `rows` (K,) is within the box of each of `bodies` (J,)."""
+    offset = tracks.center[rows][:, None] - tracks.center[bodies]
+    c, s = np.cos(tracks.yaw[bodies]), np.sin(tracks.yaw[bodies])
+    along = np.abs(c * offset[..., 0] + s * offset[..., 1]) - 0.5 * tracks.size[bodies, 0]
+    across = np.abs(c * offset[..., 1] - s * offset[..., 0]) - 0.5 * tracks.size[bodies, 1]
+    above = np.abs(offset[..., 2]) - 0.5 * tracks.size[bodies, 2]
+    return np.maximum(np.maximum(along, across), above) <= BESIDE
+
+
+def links_in_time(tracks: Tracks, is_moving: Mask, is_whole: Mask, times: Array) -> tuple[Rows, Rows]:
+    """Return the tracks (K,) that go on, and those (K,) as which they do.
+
+    is_moving, is_whole : (T,), tracks that move, and those that are no part of another; one of two linked tracks moves.
+    times : (N,) seconds of the scans.
+    """
+    first = tracks.first_rows()
+    last = np.append(first[1:], len(tracks.track))[: len(first)] - 1
+    pairs = _followed(tracks, first, last, times), _overlapping(tracks, first, last)
+    a, b, rows = (np.concatenate(column) for column in zip(*pairs, strict=True))
+    possible = (a != b) & (is_moving[a] | is_moving[b]) & is_whole[a] & is_whole[b]
+    a, b, rows = a[possible], b[possible], rows[possible]
+    score = _link_score(tracks, rows, first[b], times[tracks.scan[first[b]]] - times[tracks.scan[rows]])
+    a, b, score = a[score > 0.0], b[score > 0.0], score[score > 0.0]
+    ends, beginnings = np.unique(a), np.unique(b)
+    cost = np.full((len(ends), len(beginnings)), np.inf)
+    np.minimum.at(cost, (np.searchsorted(ends, a), np.searchsorted(beginnings, b)), -score)
+    rows, columns = assign(cost)
+    return ends[rows], beginnings[columns]
+
+
+def _followed(tracks: Tracks, first: Rows, last: Rows, times: Array) -> tuple[Rows, Rows, Rows]:
+    """Return pairs of tracks (P,), the second of which begins near the end of the first, and the last rows of that."""
+    end, begin = times[tracks.scan[last]], times[tracks.scan[first]]
+    speed = np.hypot(*tracks.velocity[last, :2].T)
+    reach = LONGEST * speed + REACH * (NOISE + ACCELERATION * LONGEST)
+    near = cKDTree(tracks.center[first, :2]).query_ball_point(tracks.center[last, :2], reach)
+    a = np.repeat(np.arange(len(last)), [len(found) for found in near])
+    b = np.concatenate([np.zeros(0, np.int64), *(np.asarray(found, np.int64) for found in near)])
+    gap = begin[b] - end[a]
+    possible = (gap > 0.0) & (gap <= LONGEST)
+    return a[possible], b[possible], last[a[possible]]
+
+
+def _overlapping(tracks: Tracks, first: Rows, last: Rows) -> tuple[Rows, Rows, Rows]:
+    """Return pairs of tracks (P,) of which the second begins before the first ends, and the first's rows then."""
+    found: list[tuple[Rows, Rows, Rows]] = [(np.zeros(0, np.int64),) * 3]
+    begins = np.zeros(len(tracks.track), np.bool_)
+    begins[first] = True
+    for rows in tracks.rows_by_scan(int(tracks.scan.max(initial=-1)) + 1):
+        new, old = rows[begins[rows]], rows[~begins[rows]]
+        k, j = np.nonzero(_lies_within(tracks, new, old))
+        a, b = tracks.track[old[j]], tracks.track[new[k]]
+        goes_on = tracks.scan[last[b]] > tracks.scan[last[a]]
+        found.append((a[goes_on], b[goes_on], old[j][goes_on]))
+    a, b, rows = (np.concatenate(column) for column in zip(*found, strict=True))
+    return a, b, rows
+
+
+def _link_score(tracks: Tracks, last: Rows, first: Rows, gap: Array) -> Array:
+    """Return (K,) the log-likelihood ratio of one body against two: ends at rows `last`, beginnings at `first`."""
+    offset = tracks.center[first] - tracks.center[last]
+    v0, v1 = tracks.velocity[last, :2], tracks.velocity[first, :2]
+    # The mean of both velocities carries a body over the gap; half of the gap's acceleration is free at either end.
+    off = offset[:, :2] - 0.5 * gap[:, None] * (v0 + v1)
+    extent = 0.5 * np.minimum(tracks.size[last, :2].max(axis=1), tracks.size[first, :2].max(axis=1))
+    place = NOISE**2 + (0.5 * extent) ** 2 + ACCELERATION**2 * gap**3 / 12.0
+    change = ACCELERATION**2 * (gap + 1.0)
+    squared = (off**2).sum(axis=1) / place + ((v1 - v0) ** 2).sum(axis=1) / change
+    before, after = (np.sort(np.maximum(tracks.size[rows], 0.1), axis=1) for rows in (last, first))
+    growth = np.abs(np.log(before / after)).max(axis=1)
+    density = -0.5 * squared - np.log(2.0 * np.pi * place) - np.log(2.0 * np.pi * change) - growth**2
+    is_possible = (squared < 2.0 * REACH**2) & (np.abs(offset[:, 2]) < tracks.size[last, 2] + NOISE)
+    return np.where(is_possible, density - np.log(BIRTHS), -np.inf)
+
+
+def joined(tracks: Tracks, owner: Rows, ends: Rows, beginnings: Rows, n_points: Array) -> tuple[Tracks, Tracks]:
+    """Return the rows of bodies, and those of all their parts.
+
+    owner : (R,) from `parts_of_bodies`.   ends, beginnings : (K,) from `links_in_time`.
+    n_points : (R,) of the segment of each row, which decides which part is the body's main one in a scan.
+    """
+    n = len(tracks)
+    _, body = connected_components(coo_array((np.ones(len(ends)), (ends, beginnings)), shape=(n, n)), directed=False)
+    _, body = np.unique(body[owner], return_inverse=True)
+    order = np.lexsort((-n_points, owner != tracks.track, ~tracks.is_observed, tracks.scan, body))
+    rows = replace(tracks, track=body)[order]
+    is_first = (np.diff(rows.track, prepend=-1) > 0) | (np.diff(rows.scan, prepend=-1) != 0)
+    return rows[np.flatnonzero(is_first)], observed(rows)

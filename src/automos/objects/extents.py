@@ -1,0 +1,150 @@
+"""Whole boxes of moving bodies: heading from motion, extent from what a body showed over its life, one smoother.
+
+A sensor sees the sides that face it. The heading is the direction of motion while a body moves, and is kept while it
+stands. In that heading, the points of every scan span an interval along, across and above; the greatest of them over
+the body's life are its extent, and the face towards the sensor says where the body is at that moment.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.parallel import map_in_order
+from automos.core.scan import Frames
+from automos.core.workspace import Stage
+from automos.objects.kinds import whole_extent
+from automos.objects.motion import smooth_paths
+from automos.objects.object_points import tracks_of_points
+from automos.objects.tracks import Tracks
+
+Array = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.int64]
+SURE = 3.0  # standard deviations of a velocity from which on its direction is the heading
+SIDE = 0.2  # metres, standard deviation of the end of a side about the other
+AROUND = 0.5  # seconds before and after a scan over which directions of motion are averaged
+SHOWN = 0.9  # quantile of the intervals of all scans that is the extent: single scans are joined with others' points
+ROUNDS = 2  # the heading needs centres, the centres a heading
+STRAY = 0.02  # share of a body's points in a scan, on either side, that are on mirrors and the like
+
+
+@dataclass(frozen=True, eq=False)
+class Scans:
+    """The scans of a recording, their names, and the results of the earlier stages."""
+
+    frames: Frames
+    names: list[str]
+    candidates: Stage
+    instances: Stage
+
+
+def whole_boxes(scans: Scans, tracks: Tracks, parts: Tracks, yaw: Array, length: Array, workers: int) -> Tracks:
+    """Return `tracks` with the whole boxes and velocities of its bodies.
+
+    tracks : the rows of bodies, sorted by body, then scan; their centres are those of the main segments.
+    parts : all segments of the bodies, rows as of tracks.   yaw, length : (R,) of the main segments' own boxes.
+    """
+    first = np.append(np.flatnonzero(np.diff(tracks.track, prepend=-1)), len(tracks.track))
+    times = scans.frames.stamps[tracks.scan]
+    measured, extent = np.where(tracks.is_observed[:, None], tracks.center, np.nan), tracks.size
+    for _ in range(ROUNDS):
+        path, velocity, variance = smooth_paths(first, times, measured)
+        heading = headings(first, times, velocity, variance, yaw, length)
+        tracks = replace(tracks, center=path, yaw=heading, velocity=velocity)
+        low, high, origin = shown_intervals(scans, tracks, parts, workers)
+        extent = extents(first, low, high, np.hypot(velocity[:, 0], velocity[:, 1]))
+        measured = centers(tracks, low, high, origin, extent)
+    path, velocity, variance = smooth_paths(first, times, measured)
+    heading = headings(first, times, velocity, variance, yaw, length)
+    return replace(tracks, center=path, size=extent, yaw=heading, velocity=velocity)
+
+
+def headings(first: Rows, times: Array, velocity: Array, variance: Array, yaw: Array, length: Array) -> Array:
+    """Return (R,) radians: directions of motion, kept while a body stands, and corrected by the sides that it shows.
+
+    A long side says the direction better than the motion does, but not which of four it is. What never moves has the
+    direction of its sides.
+
+    velocity : (R, 3) m/s.   variance : (R,) (m/s)^2 of its components.
+    yaw, length : (R,) radians and metres, of boxes about single segments; length 0 where there is none.
+    """
+    out = np.empty(len(times))
+    moves = velocity[:, 0] + 1j * velocity[:, 1]
+    is_sure = np.abs(moves) > SURE * np.sqrt(variance)
+    for begin, end in pairwise(first):
+        sure = begin + np.flatnonzero(is_sure[begin:end])
+        if not len(sure):
+            out[begin:end] = 0.25 * np.angle(np.exp(4j * yaw[begin:end]).sum())  # sides are a quarter turn apart
+            continue
+        total = np.concatenate([[0.0], np.cumsum(moves[sure])])
+        low = np.searchsorted(times[sure], times[sure] - AROUND)
+        high = np.searchsorted(times[sure], times[sure] + AROUND, side="right")
+        nearest = np.searchsorted(0.5 * (times[sure][1:] + times[sure][:-1]), times[begin:end])
+        out[begin:end] = np.angle(total[high] - total[low])[nearest]
+    of_motion = np.sqrt(variance) / np.maximum(np.abs(moves), SURE * np.sqrt(variance))
+    of_side = SIDE / np.maximum(length, 1e-6)
+    off = 0.25 * np.angle(np.exp(4j * (yaw - out)))
+    agree = np.abs(off) < SURE * np.hypot(of_motion, of_side)
+    return out + np.where(agree, off * of_motion**2 / (of_motion**2 + of_side**2), 0.0)
+
+
+def shown_intervals(scans: Scans, tracks: Tracks, parts: Tracks, workers: int) -> tuple[Array, Array, Array]:
+    """Return low and high ends (R, 3) of the points of each row about its box's centre, along, across and above it.
+
+    Third is the place of the sensor (R, 3) in these coordinates. All are NaN in scans without points.
+    """
+    rows_of, parts_of = tracks.rows_by_scan(len(scans.names)), parts.rows_by_scan(len(scans.names))
+    out = np.full((3, len(tracks.track), 3), np.nan)
+
+    def look(i: int) -> None:
+        frame, ids = scans.frames[i], scans.instances.load(scans.names[i], "ids", "stayed")
+        owner = tracks_of_points(ids["ids"], ids["stayed"], parts[parts_of[i]])
+        mine = np.flatnonzero(owner >= 0)
+        mine = mine[np.argsort(owner[mine], kind="stable")]
+        begins = np.searchsorted(owner[mine], tracks.track[rows_of[i]])
+        ends = np.searchsorted(owner[mine], tracks.track[rows_of[i]], side="right")
+        for row, begin, end in zip(rows_of[i], begins, ends, strict=True):
+            if end > begin:
+                points = np.vstack([frame.points_level[mine[begin:end]], frame.origin_level])
+                local = _turned(points - tracks.center[row], -tracks.yaw[row])
+                out[0, row], out[1, row], out[2, row] = local[:-1].min(axis=0), local[:-1].max(axis=0), local[-1]
+                out[:2, row, 1] = np.quantile(local[:-1, 1], (STRAY, 1.0 - STRAY))
+
+    asked = [i for i in range(len(scans.names)) if len(parts_of[i])]
+    for _ in map_in_order(look, asked, workers, threads=True):
+        pass
+    return out[0], out[1], out[2]
+
+
+def extents(first: Rows, low: Array, high: Array, speed: Array) -> Array:
+    """Return (R, 3) the extent of each row's body, from the intervals that it showed and its speed (R,)."""
+    n = np.diff(first)
+    shown, fastest = np.zeros((len(n), 3)), np.zeros(len(n))
+    for k, (begin, end) in enumerate(pairwise(first)):
+        intervals = (high - low)[begin:end]
+        intervals = intervals[np.isfinite(intervals[:, 0])]
+        if len(intervals):
+            shown[k] = np.quantile(intervals, SHOWN, axis=0)
+        fastest[k] = np.quantile(speed[begin:end], SHOWN)
+    return np.repeat(whole_extent(shown, fastest), n, axis=0)
+
+
+def centers(tracks: Tracks, low: Array, high: Array, origin: Array, extent: Array) -> Array:
+    """Return (R, 3) the centres of boxes of `extent` whose faces towards the sensor, and whose tops, are those seen."""
+    half = 0.5 * extent
+    middle = 0.5 * (low + high)
+    towards_high, towards_low = origin > high, origin < low
+    towards_high[:, 2], towards_low[:, 2] = True, False  # the ground hides what is low
+    is_hidden = high - low < extent
+    center = np.where(is_hidden & towards_high, high - half, np.where(is_hidden & towards_low, low + half, middle))
+    return tracks.center + _turned(center, tracks.yaw)
+
+
+def _turned(points: Array, angle: npt.ArrayLike) -> Array:
+    """Return `points` (N, 3) turned about the vertical by `angle`, radians, one or (N,)."""
+    c, s = np.cos(angle), np.sin(angle)
+    x, y, z = points.T
+    return np.stack([c * x - s * y, s * x + c * y, z], axis=-1)

@@ -1,0 +1,57 @@
+"""Which tracklets are one body."""
+
+import numpy as np
+
+from automos.objects.bodies import joined, links_in_time, parts_of_bodies
+from automos.objects.tracks import Tracks
+
+TIMES = 0.1 * np.arange(60)
+
+
+def track(number, scans, x, y=0.0, velocity=(0.0, 0.0), size=(4.0, 1.8, 1.5)):
+    scans = np.asarray(scans)
+    n = len(scans)
+    center = np.column_stack([np.broadcast_to(x, n), np.broadcast_to(y, n), np.zeros(n)])
+    v = np.tile([*velocity, 0.0], (n, 1))
+    return Tracks(np.full(n, number), scans, np.full(n, number), center, np.tile(size, (n, 1)), np.zeros(n), v)
+
+
+def body_of(tracks, is_moving, n_points):
+    owner = parts_of_bodies(tracks, is_moving, np.bincount(tracks.track, n_points[tracks.track]))
+    is_whole = np.bincount(tracks.track, owner == tracks.track, len(tracks)) > 0
+    return joined(tracks, owner, *links_in_time(tracks, is_moving, is_whole, TIMES), n_points[tracks.track])
+
+
+def test_a_mirror_that_goes_with_a_car_is_its_part_and_a_post_that_it_passes_is_not():
+    scans = np.arange(20)
+    x = 0.5 * scans
+    car, mirror = track(0, scans, x, velocity=(5.0, 0.0)), track(1, scans, x + 1.0, 1.0, (5.0, 0.0), (0.2, 0.2, 0.2))
+    post = track(2, scans, 5.0, 1.0, size=(0.2, 0.2, 1.5))
+    tracks = Tracks.concatenate([car, mirror, post])
+    bodies, parts = body_of(tracks, np.array([True, True, False]), np.array([200.0, 5.0, 20.0]))
+    assert len(bodies) == 2
+    assert sorted(np.bincount(parts.track)) == [20, 40]
+    assert set(bodies.segment) == {0, 2}  # the car's own segment is the main one
+
+
+def test_people_side_by_side_are_two():
+    scans, person = np.arange(30), (0.5, 0.5, 1.7)
+    pair = [track(k, scans, 0.13 * scans, 0.9 * k, (1.3, 0.0), person) for k in range(2)]
+    bodies, _ = body_of(Tracks.concatenate(pair), np.array([True, True]), np.array([50.0, 40.0]))
+    assert len(bodies) == 2
+
+
+def test_what_is_hidden_for_a_second_goes_on_and_what_comes_the_other_way_is_another():
+    before, after = np.arange(20), np.arange(30, 50)
+    going = [track(0, before, before * 1.0, velocity=(10.0, 0.0)), track(1, after, after * 1.0, velocity=(10.0, 0.0))]
+    bodies, _ = body_of(Tracks.concatenate(going), np.array([True, True]), np.array([50.0, 50.0]))
+    assert len(bodies) == 1
+    coming = track(1, after, 60.0 - after * 1.0, velocity=(-10.0, 0.0))
+    bodies, _ = body_of(Tracks.concatenate([going[0], coming]), np.array([True, True]), np.array([50.0, 50.0]))
+    assert len(bodies) == 2
+
+
+def test_no_tracks_are_no_bodies():
+    none = track(0, np.zeros(0, int), 0.0)
+    bodies, parts = body_of(none, np.zeros(0, bool), np.zeros(0))
+    assert len(bodies) == len(parts) == 0
