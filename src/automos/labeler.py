@@ -39,8 +39,7 @@ from automos.settings import Settings, given_settings
 
 __all__ = ["Labeler", "LabelledScan"]
 
-WARM_UP = 16
-"""Made-up scans that are labelled before the first one."""
+WARM_UP = 16  # made-up scans that are labelled before the first one
 _log = logging.getLogger(__name__)
 
 
@@ -246,7 +245,6 @@ class Labeler:
 
     def _end_stream(self) -> None:
         """Label what is waiting, and start a new stream at the last pose."""
-        if self._stream is None:
-            return
-        self._order.add(self._stream.finish())
-        self._stream = self._new_stream(self._stream.T_world_sensor, self._stream.next_track)
+        if self._stream is not None:
+            self._order.add(self._stream.finish())
+            self._stream = self._new_stream(self._stream.T_world_sensor, self._stream.next_track)

@@ -89,6 +89,8 @@ def label(
     >>> result = automos.label(scans, workers=1)
     >>> print(np.count_nonzero(result.labels(0) == automos.Label.MOVING))
     0
+
+    Equation: joint
     """
     if workspace is None:
         workspace = Workspace()

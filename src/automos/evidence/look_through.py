@@ -31,6 +31,8 @@ def look_through(points, T, image, tolerances):  # type: ignore[no-untyped-def]
     Returns
     -------
     codes : (K,) uint8.   ranges : (K,) float32, metres from the other sensor.
+
+    Equation: vote
     """
     margin, margin_per_metre, hit, hit_per_metre, clearance = tolerances
     pattern, pyramid, per_unit = image.pattern, image.pattern.pyramid, np.float32(1.0 / UNIT)

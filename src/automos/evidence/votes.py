@@ -31,6 +31,8 @@ def weigh_looks(codes, ranges, own_ranges, heights, trusts, row_height):  # type
     own_ranges, heights : (K,) float32, metres, range from the points' own sensor and height above the ground.
     trusts : (K,) float64 in [0, 1], factor on the free-space observations of each point.
     row_height : float32, radians between rows.
+
+    Equation: vote
     """
     votes = np.zeros(len(codes), np.int8)
     for i in range(len(codes)):
@@ -51,6 +53,8 @@ def sum_votes(votes: Votes, n_before: int, stay_weight: float) -> npt.NDArray[np
     """Return (K,) the evidence that each point came and left: the votes for that, minus `stay_weight` for every hit.
 
     `votes` (P, K) are those of `weigh_looks`, of scans in time order, `n_before` of them before the points' own.
+
+    Equation: evidence
     """
     came_and_left = _best_sum(votes[:n_before]) + _best_sum(votes[n_before:][::-1])
     return (came_and_left / ONE - stay_weight * count_hits(votes)).astype(np.float32)

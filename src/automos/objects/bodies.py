@@ -97,6 +97,8 @@ def links_in_time(tracks: Tracks, is_moving: Mask, is_whole: Mask, times: Array)
 
     is_moving, is_whole : (T,), tracks that move, and those that are no part of another; one of two linked tracks moves.
     times : (N,) seconds of the scans.
+
+    Equation: link
     """
     first = tracks.first_rows()
     last = np.append(first[1:], len(tracks.track))[: len(first)] - 1

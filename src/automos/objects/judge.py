@@ -71,6 +71,8 @@ def segment_terms(found: Detections, is_asked: bool = True) -> SegmentTerms:
     """Return the terms of the segments of a scan.
 
     Unknown points count as evidence only if scans a second or more away were asked (`is_asked`).
+
+    Equations: counts, doubt
     """
     # Relative deficit of solidity from a face of as many rays.
     n = np.maximum(found.n_points, 2.0)

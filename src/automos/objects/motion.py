@@ -43,6 +43,8 @@ def smooth(t, z, variance, jerkiness):  # type: ignore[no-untyped-def]
     """Return smoothed positions, velocities and variances of velocities (T,) at times `t` (T,).
 
     z : (T,) measured, NaN where missed.   variance : of a measurement, m^2.   jerkiness : q, m^2/s^3.
+
+    Equation: box-motion
     """
     # State: position x, velocity v; covariance [[a, b], [b, c]]. Scalar code compiles in a fifth of the time.
     n = len(t)

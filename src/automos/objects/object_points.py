@@ -127,6 +127,8 @@ def point_confidence(
     The points of an object have the `confidence` (T,) of the verdict on its track, ground has 1, and for all other
     points it follows from the evidence, their `log_odds` (M,) of having moved. `is_moving` (M,) are the points labelled
     moving, `owner` (M,) is the track of each, moving or not, -1 for none, and `kind` (M,) its OBJECT, GROUND, ...
+
+    Equation: point
     """
     moves = 1.0 / (1.0 + np.exp(-(_PRIOR + _WEIGHT * log_odds.astype(np.float32))))
     stands = (kind == OBJECT) | (kind == SPECK)

@@ -36,6 +36,8 @@ def state_probabilities(
     -------
     p_moving : probability that the body moves in that scan.
     p_ever : that it has moved in any scan up to the last one that is known by then.
+
+    Equations: states, readings
     """
     ratio = np.ascontiguousarray(log_likelihoods[:, 1] - log_likelihoods[:, 0])
     until = np.searchsorted(times, times + lag, side="right") - 1

@@ -23,6 +23,8 @@ def compensate(points: Points, times: npt.NDArray[np.float32], twist: npt.ArrayL
     points : (N, 3) float32, metres, sensor frame at each point's own time.
     times : (N,) float32 in [-0.5, 0.5], from `sweep_times`.
     twist : (6,) se(3) motion of the sensor over one sweep, sensor frame.
+
+    Equation: compensation
     """
     twist = np.asarray(twist, np.float64)
     if not np.any(twist):

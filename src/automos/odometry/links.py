@@ -76,7 +76,10 @@ COARSE = Alignment((0.2, 0.2), noise=0.05, submap_every=0.3, submap_length=0.5, 
 
 
 class Consistency(NamedTuple):
-    """How well scans align with other scans, one row per link of a scan with a submap."""
+    """How well scans align with other scans, one row per link of a scan with a submap.
+
+    Equation: misfit
+    """
 
     lag: Array  # (L,) seconds between scan and submap
     thickness: Array  # (L,) metres, distance of surfels from the surfaces they match (root of the robust mean square)

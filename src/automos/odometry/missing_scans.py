@@ -69,6 +69,8 @@ def find_missing(steps: Pose, gaps: Array, period: float, refound: Array | None 
     gaps : (N - 1,) float64, kept unless another hypothesis is clearly more likely.
     period : float, seconds between scans.
     refound : (N - 1, 6) float64, optional, re-observed share of surfaces facing along the path, for steps of 1-6 gaps.
+
+    Equation: missing
     """
     travelled, found = steps[:, :3, 3], gaps
     rarity = SELDOM + EACH * (TRIED - 1.0)

@@ -54,7 +54,10 @@ def refine_poses(
 def solve_links(
     window: Window, links: list[tuple[int, int]], fits: list[Fit], settings: OdometrySettings, n_fixed: int = 1
 ) -> tuple[Window, float]:
-    """Return the scans at the poses that the `fits` of `links` and even motion favour, and the greatest change (m)."""
+    """Return the scans at the poses that the `fits` of `links` and even motion favour, and the greatest change (m).
+
+    Equation: window
+    """
     equations = NormalEquations(np.where(np.arange(len(window)) < n_fixed, FIXED, LOOSE))
     _add_links(equations, links, fits, window.T_world_sensor)
     _add_even_motion(equations, window, settings)

@@ -92,7 +92,10 @@ class Icp:
 
 
 def align(source: Points, T_guess: Pose, local_map: LocalMap, threshold: float) -> Pose:
-    """Return the (4, 4) pose of `source` (M, 3) in the map, from a guess off by about `threshold` metres."""
+    """Return the (4, 4) pose of `source` (M, 3) in the map, from a guess off by about `threshold` metres.
+
+    Equation: registration
+    """
     T = np.array(T_guess)
     nearest, searched_at = np.full((len(source), 3), np.nan), np.zeros((len(source), 3))
     margin = np.full(len(source), -1.0)

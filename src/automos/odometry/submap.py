@@ -85,6 +85,8 @@ def fit_surfels(
     T_submap_surfels : (4, 4) float64.
     kernel : float, metres; much larger residuals have little weight (Geman and McClure).
     noise : float, metres, deviation of a surfel on a perfect surface.
+
+    Equation: surface
     """
     n = 7 if with_elevation else 6
     H, g = np.zeros((n, n)), np.zeros(n)
