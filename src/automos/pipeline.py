@@ -89,8 +89,6 @@ def label(
     >>> result = automos.label(scans, workers=1)
     >>> print(np.count_nonzero(result.labels(0) == automos.Label.MOVING))
     0
-
-    Equation: joint
     """
     if workspace is None:
         workspace = Workspace()
@@ -111,6 +109,8 @@ class Steps:
 
     Candidates, instances and labels need only the poses and points of other scans, so separate processes can compute
     them for parts of the scans with the same result. Poses and tracks need the recording as a whole.
+
+    Equation: joint
     """
 
     def __init__(
