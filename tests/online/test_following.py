@@ -8,7 +8,7 @@ from automos.core.upright_boxes import Boxes
 from automos.objects.detections import Detections
 from automos.objects.tracker import Tracker, track_objects, until_last_seen
 from automos.objects.tracks import Tracks
-from automos.online.following import FEW, MEMORY, TOO_FEW, Comparisons, Following
+from automos.online.following import MEMORY, SURE, Following
 
 SETTINGS = load_settings("default").tracking
 
@@ -22,7 +22,7 @@ def cars(*x: float) -> Detections:
     return Detections.of_objects(boxes, np.full(n, 100.0), np.full(n, 100.0), np.zeros(n))
 
 
-ASKED = Comparisons(9, is_far=True)
+ASKED = True
 SCANS = [(0.1 * k, cars(1.0 * k, 40.0 - 0.8 * k)) for k in range(12)]
 
 
@@ -53,19 +53,30 @@ def probability(following: Following, stamp: float, *ahead: tuple[float, Detecti
     return float(np.where(verdicts.is_moving, verdicts.confidence, 1.0 - verdicts.confidence)[0])
 
 
-def test_what_few_were_asked_about_is_believed_less():
-    assert Comparisons(FEW, is_far=False).shift == Comparisons(9, is_far=True).shift == 0.0
-    assert Comparisons(FEW - 2, is_far=False).shift == 2 * TOO_FEW
+def seen_to_move(share: float, x: float) -> Detections:
+    """Return one car of which some share of the points moved, and the others stayed."""
+    counts = np.full(1, 100.0), np.full(1, 100.0 * share), np.full(1, 100.0 * (1.0 - share))
+    return Detections.of_objects(cars(x).boxes, *counts)
 
 
-def test_a_car_that_one_scan_sees_to_move_is_believed_to_move_more_once_later_scans_were_asked_too():
-    few, more = Comparisons(1, False), Comparisons(FEW, False)
+def test_what_was_seen_for_a_moment_moves_only_if_that_is_sure():
+    following, p = Following(SETTINGS, 0.0), []
+    for k in range(8):
+        following.add(0.1 * k, seen_to_move(0.3, 1.0 * k), ASKED)
+        verdicts = following.at(0.1 * k, []).verdicts
+        p.append((bool(verdicts.is_moving[0]), probability(following, 0.1 * k)))
+    assert 0.5 < p[3][1] < SURE
+    assert not p[3][0]  # after 0.3 s
+    assert p[-1][0]  # after 0.7 s
+
+
+def test_a_car_is_believed_to_move_more_once_later_scans_saw_its_place_free():
     following = Following(SETTINGS, 0.0)
     for k in range(2):
-        following.add(0.1 * k, cars(1.0 * k), few)
+        following.add(0.1 * k, seen_to_move(0.3, 1.0 * k), False)
     before = probability(following, 0.1)
     for k in range(2):
-        following.renew(0.1 * k, cars(1.0 * k), more)
+        following.renew(0.1 * k, cars(1.0 * k), True)
     assert before < probability(following, 0.1) > 0.5
 
 
