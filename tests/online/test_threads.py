@@ -8,7 +8,7 @@ from worlds import lane
 
 from automos import labeler
 from automos.core.labels import Label
-from automos.online import background
+from automos.odometry import background
 
 SCANS = list(lane(30).sequence)
 
