@@ -158,7 +158,7 @@ def test_an_hour_of_objects_is_kept_in_little_memory(tmp_path, monkeypatch):
     def memory_of_the_rest():
         tracemalloc.start()
         write_the_rest()
-        ours = [tracemalloc.Filter(True, f"*/automos/{name}.py") for name in ("online/segment", "results/tracks_file")]
+        ours = [tracemalloc.Filter(True, f"*/automos/{name}.py") for name in ("live/segment", "results/tracks_file")]
         return sum(file.size for file in tracemalloc.take_snapshot().filter_traces(ours).statistics("filename"))
 
     with results_writer(tmp_path / "out", None, load_settings("default")) as writer:
