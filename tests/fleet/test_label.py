@@ -103,7 +103,8 @@ def test_the_closing_lines_count_what_has_warnings_and_tell_where_to_read_them(f
     folder = shutil.copytree(fleet.folder, tmp_path / "logs")
     for scan in sorted((folder / "log01").glob("*.bin"))[3:]:
         scan.unlink()
-    first, again = label(folder=folder), label(folder=folder)
+    known = load_settings("default", None, {"recording.rate": 10.0})  # else all would be warned of
+    first, again = label(folder=folder, settings=known), label(folder=folder, settings=known)
     assert first.warned == again.warned == ["log01"]
     assert closing_lines(first, "out")[1:] == ["1 of them with warnings; read them: automos status out"]
 

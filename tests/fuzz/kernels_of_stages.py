@@ -25,6 +25,7 @@ from automos.objects.motion import smooth
 from automos.objects.object_points import paint_objects
 from automos.objects.paper import hierarchy
 from automos.objects.segments import segment_points
+from automos.objects.states import state_probabilities
 from automos.objects.tracks import Tracks, observed
 from automos.odometry import drifting_seam, facing, point_order, registration
 from automos.odometry import vertical as level
@@ -108,6 +109,7 @@ def _tracking(points: np.ndarray) -> None:
     smooth(np.arange(len(points)) * 0.1, np.full(len(points), np.nan), 0.01, 1.0)
     smooth(points[:, 1].astype(float), points[:, 0].astype(float), 0.01, 1.0)
     values = points.astype(float)
+    state_probabilities(values[:, :2], np.arange(len(points)) * 0.1, 0.1, 0.01, 0.02, 0.5)
     columns = places.touched_columns(make_boxes(np.clip(np.nan_to_num(points), -50, 50)))
     places.held_places(points, some, ~some, columns)
     face_paths.face_scatter(np.array([0, len(points)]), np.hstack([values, values]))

@@ -8,7 +8,7 @@ from automos.core.upright_boxes import Boxes
 from automos.objects.detections import Detections
 from automos.objects.tracker import Tracker, track_objects, until_last_seen
 from automos.objects.tracks import Tracks
-from automos.online.following import FEW, MEMORY, PAST_ALONE, TOO_FEW, Comparisons, Following
+from automos.online.following import MEMORY, SURE, Following
 
 SETTINGS = load_settings("default").tracking
 
@@ -22,7 +22,7 @@ def cars(*x: float) -> Detections:
     return Detections.of_objects(boxes, np.full(n, 100.0), np.full(n, 100.0), np.zeros(n))
 
 
-ASKED = Comparisons(9, is_far=True, is_past=True)
+ASKED = True
 SCANS = [(0.1 * k, cars(1.0 * k, 40.0 - 0.8 * k)) for k in range(12)]
 
 
@@ -53,30 +53,39 @@ def probability(following: Following, stamp: float, *ahead: tuple[float, Detecti
     return float(np.where(verdicts.is_moving, verdicts.confidence, 1.0 - verdicts.confidence)[0])
 
 
-def test_who_was_asked_shifts_what_is_believed():
-    assert Comparisons(FEW, is_far=False, is_past=True).shift == 0.0  # in the first second, nothing is added
-    assert Comparisons(9, is_far=True, is_past=False).shift == 0.0
-    assert Comparisons(9, is_far=True, is_past=True).shift == PAST_ALONE
-    assert Comparisons(FEW - 2, is_far=False, is_past=True).shift == 2 * TOO_FEW
+def seen_to_move(share: float, x: float) -> Detections:
+    """Return one car of which some share of the points moved, and the others stayed."""
+    counts = np.full(1, 100.0), np.full(1, 100.0 * share), np.full(1, 100.0 * (1.0 - share))
+    return Detections.of_objects(cars(x).boxes, *counts)
 
 
-def test_a_car_that_one_scan_sees_to_move_is_believed_to_move_more_once_later_scans_were_asked_too():
-    few, more = Comparisons(1, False, True), Comparisons(FEW, False, True)
+def test_what_was_seen_for_a_moment_moves_only_if_that_is_sure():
+    following, p = Following(SETTINGS, 0.0), []
+    for k in range(8):
+        following.add(0.1 * k, seen_to_move(0.3, 1.0 * k), ASKED)
+        verdicts = following.at(0.1 * k, []).verdicts
+        p.append((bool(verdicts.is_moving[0]), probability(following, 0.1 * k)))
+    assert 0.5 < p[3][1] < SURE
+    assert not p[3][0]  # after 0.3 s
+    assert p[-1][0]  # after 0.7 s
+
+
+def test_a_car_is_believed_to_move_more_once_later_scans_saw_its_place_free():
     following = Following(SETTINGS, 0.0)
     for k in range(2):
-        following.add(0.1 * k, cars(1.0 * k), few)
+        following.add(0.1 * k, seen_to_move(0.3, 1.0 * k), False)
     before = probability(following, 0.1)
     for k in range(2):
-        following.renew(0.1 * k, cars(1.0 * k), more)
+        following.renew(0.1 * k, cars(1.0 * k), True)
     assert before < probability(following, 0.1) > 0.5
 
 
-def test_what_the_past_saw_to_be_empty_moves_the_moment_it_is_taken():
-    at_once, later = Following(SETTINGS, 0.0), Following(SETTINGS, 0.0)
-    at_once.add(0.0, cars(1.0), Comparisons(9, is_far=True, is_past=True))
-    later.add(0.0, cars(1.0), Comparisons(9, is_far=True, is_past=False))
-    assert probability(at_once, 0.0) > 0.5
-    assert probability(later, 0.0) == 0.0  # others have looked since, and it was seen once
+def test_what_is_seen_for_the_first_time_is_not_known_to_move():
+    following = Following(SETTINGS, 0.0)
+    following.add(0.0, cars(1.0), ASKED)
+    assert probability(following, 0.0) == 0.0
+    following.add(0.1, cars(2.0), ASKED)
+    assert probability(following, 0.1) > 0.5
 
 
 @pytest.mark.parametrize(("lag", "step"), [(MEMORY + 2.0, 0.5), (MEMORY + 0.5, 0.25)])

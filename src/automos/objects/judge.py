@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence, Sized
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -83,17 +84,17 @@ def segment_terms(found: Detections, is_asked: bool = True) -> SegmentTerms:
     return SegmentTerms(np.stack([center - half, center + half], axis=-1), evidence)
 
 
-def judge_tracks(tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, shifts: Array | None = None) -> Verdicts:
+def judge_tracks(tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, is_going_on: bool = False) -> Verdicts:
     """Return moving for every track that has moved more likely than not.
 
     The confidence is the probability that the verdict is right. Tracks with a single observation are static, because
-    the probabilities hold for what was observed twice; where `shifts` are positive, they are judged, too.
+    the probabilities hold for what was observed twice.
 
     Parameters
     ----------
     terms : sequence of SegmentTerms, one per scan.
     stamps : (N,) float64, seconds.
-    shifts : (N,) float64, optional, log-odds of moving added per look in each scan.
+    is_going_on : whether tracks are judged while more scans come: those of the first look share it.
     """
     seen = np.flatnonzero(tracks.is_observed)
     first = np.searchsorted(tracks.track[seen], np.arange(len(tracks) + 1))
@@ -102,10 +103,8 @@ def judge_tracks(tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, s
     of_rows = every[_segments(tracks, seen, terms)]
     unsteady = np.sqrt(face_scatter(first, of_rows.heights).min(axis=1)) / LEAST_SCATTER
     ratio = of_rows.evidence + np.repeat(UNSTEADY * np.log1p(unsteady), n_seen)
-    if shifts is not None:
-        ratio += shifts[tracks.scan[seen]]
-        n_seen = n_seen + np.bincount(tracks.track[seen], shifts[tracks.scan[seen]] > 0.0, len(tracks))
-    _, p_ever = chain_of_two(first, times, ratio * looks(first, times), START, BEGIN, END)
+    worth = shared_looks(first, times) if is_going_on else looks(first, times)
+    _, p_ever = chain_of_two(first, times, ratio * worth, START, BEGIN, END)
     p_ever[n_seen < 2] = 0.0
     is_moving = p_ever >= 0.5
     verdict = np.where(is_moving, Verdict.MOVING, Verdict.STATIC).astype(np.int8)
@@ -136,6 +135,18 @@ def looks(first: npt.NDArray[np.int64], times: Array, look: float = LOOK) -> Arr
     """
     worth = np.minimum(np.diff(times, prepend=times[:1]) / look, 1.0)
     worth[first[:-1][np.diff(first) > 0]] = 1.0
+    return worth
+
+
+def shared_looks(first: npt.NDArray[np.int64], times: Array) -> Array:
+    """Return (R,) the same looks, those of the observations within a track's first one shared evenly among them.
+
+    What has just come into sight is judged by all scans since, as later ones do not outweigh its first one yet.
+    """
+    worth = looks(first, times)
+    for begin, end in pairwise(first):
+        within = slice(begin, begin + np.searchsorted(times[begin:end], times[begin:end][:1].sum() + LOOK))
+        worth[within] = worth[within].sum() / max(within.stop - begin, 1)
     return worth
 
 

@@ -80,7 +80,7 @@ def follow_and_judge(scans: Scans, settings: Settings, workers: int) -> TrackedO
     tracks, parts = _bodies(scans, tracks, detections, workers)
     verdicts = judge_tracks(tracks, [segment_terms(found) for found in detections], stamps)
     kept = ~is_scenery(tracks, verdicts, detections)
-    is_scrap = verdicts.is_moving & _is_small(parts, len(tracks), detections, stamps)
+    is_scrap = verdicts.is_moving & is_small(parts, len(tracks), detections, stamps)
     is_sure = is_scrap & (verdicts.confidence >= SCRAP)
     scraps = of_tracks(parts, is_sure)
     scraps = replace(scraps, p_moving=verdicts[is_sure].confidence[scraps.track])
@@ -92,7 +92,7 @@ def follow_and_judge(scans: Scans, settings: Settings, workers: int) -> TrackedO
     return TrackedObjects(tracks, verdicts, places, parts, scraps)
 
 
-def _is_small(parts: Tracks, n: int, detections: Sequence[Detections], stamps: Array) -> Mask:
+def is_small(parts: Tracks, n: int, detections: Sequence[Detections], stamps: Array) -> Mask:
     """Return (T,) which of `n` tracks have too few points, or were seen for too short a time, to be bodies."""
     n_points = np.nan_to_num(of_rows(parts, [found.n_points for found in detections]))
     begin, end = np.full(n, np.inf), np.full(n, -np.inf)

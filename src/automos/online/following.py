@@ -14,51 +14,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.scan import Mask
 from automos.objects.detections import Detections
 from automos.objects.judge import SegmentTerms, is_scenery, judge_tracks, moving_now, segment_terms
 from automos.objects.motion import smooth_paths
 from automos.objects.tracker import Tracker, can_follow, until_last_seen
+from automos.objects.tracking import is_small
 from automos.objects.tracks import Tracks, of_rows
 from automos.objects.verdict import Verdict, Verdicts
 from automos.settings import TrackingSettings
 
 MEMORY = 8.0
 """Seconds of a track on which its verdict is based; as many as the lag if that is longer."""
-PAST_ALONE = 0.5
-"""Added log-odds of moving if only past scans were compared: later ones would reveal more of a mover's points. With
-twice as much, poses that are off by decimetres at a gap make walls move; without any, movers are missed."""
-TOO_FEW = -1.0
-"""Added log-odds of moving per scan short of `FEW`: a single one would decide, and its pose may soon be corrected."""
+SURE = 0.9
+"""Probability from which on what is too small or young to be a body moves: its pose and evidence may soon change."""
 FEW = 3
+"""Scans that make a sight of something: fewer may be one error."""
 RECENT = 1.0
 """Seconds on which a track that was seen before them is judged, too: what stood and sets off moves, however long it
 stood."""
-
-
-@dataclass(frozen=True)
-class Comparisons:
-    """The other scans with which a scan was compared.
-
-    Attributes
-    ----------
-    n : int
-        Their number.
-    is_far : bool
-        Whether some are a second or more away.
-    is_past : bool
-        Whether all are earlier.
-    """
-
-    n: int
-    is_far: bool
-    is_past: bool
-
-    @property
-    def shift(self) -> float:
-        """Log-odds to add to those of moving."""
-        if self.n < FEW:
-            return TOO_FEW * (FEW - self.n)
-        return PAST_ALONE if self.is_past and self.is_far else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +63,6 @@ class _Step:
     found: Detections
     rows: Tracks
     terms: SegmentTerms
-    shift: float
 
 
 class Following:
@@ -109,27 +82,29 @@ class Following:
         """Number of the next new object."""
         return self._tracker.next_track
 
-    def add(self, stamp: float, found: Detections, compared: Comparisons) -> None:
-        """Track all objects into the next scan, whose segments `found` are final."""
-        terms = segment_terms(found, compared.is_far)
-        self._steps.append(_Step(stamp, found, self._tracker.step(stamp, found), terms, compared.shift))
+    def add(self, stamp: float, found: Detections, is_far: bool) -> None:
+        """Track all objects into the next scan, whose segments `found` are final.
+
+        is_far : whether some of the scans with which it was compared are a second or more away.
+        """
+        rows, terms = self._tracker.step(stamp, found), segment_terms(found, is_far)
+        self._steps.append(_Step(stamp, found, rows, terms))
         while self._steps[0].stamp < stamp - self._memory:
             self._steps.popleft()
             self._has_forgotten = True
 
-    def renew(self, stamp: float, found: Detections, compared: Comparisons) -> None:
+    def renew(self, stamp: float, found: Detections, is_far: bool) -> None:
         """Update the segments of the scan at `stamp`, if it is still held."""
         for k, step in enumerate(self._steps):
             if step.stamp == stamp:
-                terms = segment_terms(found, compared.is_far)
-                self._steps[k] = replace(step, found=found, terms=terms, shift=compared.shift)
+                self._steps[k] = replace(step, found=found, terms=segment_terms(found, is_far))
 
     def at(self, stamp: float, ahead: list[tuple[float, Detections]]) -> Followed:
         """Return the objects of the scan at `stamp`; `ahead` are the segments not added yet, with their times."""
         tracker = copy.copy(self._tracker)
         steps = list(self._steps)
         for t, found in ahead:
-            steps.append(_Step(t, found, tracker.step(t, found), segment_terms(found, is_asked=False), 0.0))
+            steps.append(_Step(t, found, tracker.step(t, found), segment_terms(found, is_asked=False)))
         scan = next(k for k, step in enumerate(steps) if step.stamp == stamp)
         stamps = np.array([step.stamp for step in steps])
         is_followed = can_follow(stamps)
@@ -151,11 +126,13 @@ class Following:
         self, tracks: Tracks, steps: list[_Step], stamps: npt.NDArray[np.float64], is_recent: npt.NDArray[np.bool_]
     ) -> Verdicts:
         """Return the verdicts on the tracks, moving for those that have moved in their life or in the last second."""
-        terms, shifts = [step.terms for step in steps], np.array([step.shift for step in steps])
-        of_life = judge_tracks(tracks, terms, stamps, shifts)
+        terms = [step.terms for step in steps]
+        of_life = judge_tracks(tracks, terms, stamps, is_going_on=True)
+        is_unsure = is_small(tracks, len(tracks), [step.found for step in steps], stamps) & (of_life.confidence < SURE)
+        of_life = _not_moving(of_life, of_life.is_moving & is_unsure)
         late = is_recent[tracks.scan]
         n_seen = [np.bincount(tracks.track, part & tracks.is_observed, len(tracks)) for part in (late, ~late)]
-        lately = judge_tracks(tracks[np.flatnonzero(late)], terms, stamps, shifts)
+        lately = judge_tracks(tracks[np.flatnonzero(late)], terms, stamps, is_going_on=True)
         sets_off = lately.is_moving & (np.minimum(*n_seen) >= FEW) & ~of_life.is_moving
         return Verdicts(
             np.where(sets_off, lately.verdict, of_life.verdict),
@@ -177,6 +154,12 @@ class Following:
         self._moved = {number: p for number, p in self._moved.items() if number in alive}
         for k in np.flatnonzero(is_old & verdicts.is_moving):
             self._moved.setdefault(int(numbers[k]), float(verdicts.confidence[k]))
+
+
+def _not_moving(verdicts: Verdicts, which: Mask) -> Verdicts:
+    """Return the verdicts, static instead of moving for `which` (T,)."""
+    p = verdicts.confidence
+    return Verdicts(np.where(which, np.int8(Verdict.STATIC), verdicts.verdict), np.where(which, 1.0 - p, p))
 
 
 def _smooth(

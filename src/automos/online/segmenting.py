@@ -23,13 +23,13 @@ from automos.objects.detect import recount
 from automos.objects.detections import Detections
 from automos.objects.instances import segment_frame
 from automos.online.evidence import EvidenceWindow
-from automos.online.following import FEW, Comparisons
+from automos.online.following import FEW
 from automos.online.renewal import Renewal
 from automos.online.sighting import Sighting, Sightings
 from automos.settings import Settings
 
-Found = tuple[float, Detections, Comparisons]
-"""A scan's stamp in seconds, its segments, and the scans with which it was compared."""
+Found = tuple[float, Detections, bool]
+"""A scan's stamp in seconds, its segments, and whether it was compared with scans a second or more away."""
 GROWN = 1.0
 """Seconds after which the evidence of a scan is updated for the tracks, if it was first computed earlier."""
 AGAIN = 3
@@ -164,7 +164,7 @@ class Segmenting:
         renewed = []
         while self._growing and now is not None and self._growing[0].stamp <= now - GROWN:
             held = self._growing.popleft()
-            renewed += self._start_update(held, Comparisons(len(self._window), is_far=True, is_past=False))
+            renewed += self._start_update(held, True)
         return renewed
 
     def _update_doubted(self) -> list[Future[Found]]:
@@ -174,17 +174,17 @@ class Segmenting:
         doubted = [self._doubted.popleft() for _ in range(min(AGAIN, len(self._doubted)))]
         for held in few or doubted:
             held.n_compared = n
-            renewed += self._start_update(held, Comparisons(n, self._is_far(held), is_past=True))
+            renewed += self._start_update(held, self._is_far(held))
         return renewed
 
-    def _start_update(self, held: _Held, compared: Comparisons) -> list[Future[Found]]:
+    def _start_update(self, held: _Held, is_far: bool) -> list[Future[Found]]:
         if held.seen is None or held.segments is None:
             return []
         compare = self._window.comparison(held.stamp, held.seen)
 
         def recounted(segments: Arrays = held.segments) -> Found:
             ids, stayed, about = segments["ids"], segments["stayed"], self._settings.instances.components
-            return held.stamp, recount(Detections.from_arrays(segments), ids, stayed, compare(None), about), compared
+            return held.stamp, recount(Detections.from_arrays(segments), ids, stayed, compare(None), about), is_far
 
         return [self._pool.submit(recounted)]
 
@@ -223,5 +223,4 @@ class Segmenting:
             return []
         if self._settle < GROWN:
             self._growing.append(held)
-        compared = Comparisons(held.n_compared, self._is_far(held), is_past=self._settle == 0.0)
-        return [(held.stamp, held.detections, compared)]
+        return [(held.stamp, held.detections, self._is_far(held))]
