@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -24,6 +24,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 _NAMES = ("kitti_0005", "kitti_0027")
+_OTHERS = ("lyft_5hz", "room_vlp16", "yard_avia", "handheld_xt32")
 
 
 @pytest.fixture(autouse=True)
@@ -39,6 +40,8 @@ def environment_as_before() -> Iterator[None]:
 @pytest.fixture(scope="session")
 def recordings() -> Path:
     """Return a folder that holds sequences/kitti_0005 and sequences/kitti_0027, real drives in KITTI's layout.
+
+    Others that may be there are given by `recording_of`.
 
     The environment variable AUTOMOS_RECORDINGS names it. Without it, packed recordings in a folder `shared/data` beside
     the repository are unpacked once into the system's temporary folder. Without either, the test is skipped.
@@ -57,6 +60,19 @@ def recordings() -> Path:
     return root
 
 
+@pytest.fixture
+def recording_of(recordings) -> Callable[[str], Path]:
+    """Return a function that gives the folder of a real recording by its name; it skips where that is not there."""
+
+    def find(name: str) -> Path:
+        folder = recordings / "sequences" / name
+        if not folder.is_dir():
+            pytest.skip(f"{folder.parent} holds no {name}")
+        return folder
+
+    return find
+
+
 def _unpack_once(packed: Path) -> Path:
     """Unpack behind a file lock, so that parallel workers and later sessions share one copy."""
     fcntl = pytest.importorskip("fcntl", reason="recordings are unpacked under a lock that this system has not")
@@ -64,9 +80,11 @@ def _unpack_once(packed: Path) -> Path:
     root.mkdir(exist_ok=True)
     with open(root / "lock", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        done = root / "unpacked"
+        done = root / "all-unpacked"
         if not done.exists():
-            subprocess.run([sys.executable, packed / "unpack.py", root, *_NAMES], check=True, stdout=subprocess.DEVNULL)
+            subprocess.run(
+                [sys.executable, packed / "unpack.py", root, *_NAMES, *_OTHERS], check=True, stdout=subprocess.DEVNULL
+            )
             done.touch()
     return root
 

@@ -164,9 +164,9 @@ def test_the_columns_that_are_given_are_taken_whatever_the_content(tmp_path, sca
 @pytest.mark.parametrize(
     "spelled", ["x,y,z", "x,y,z,intensity", "x,y,z,ring,intensity", "x:f8,y,z,intensity", "x:>f4,y,z"]
 )
-def test_real_sweeps_are_told_apart(recordings, tmp_path, name, spelled):
+def test_real_sweeps_are_told_apart(recording_of, tmp_path, name, spelled):
     dtype, counts = parse_columns(spelled), []
-    for i, path in enumerate(sorted((recordings / "sequences" / name / "velodyne").glob("*.bin"))[:16:5]):
+    for i, path in enumerate(sorted((recording_of(name) / "velodyne").glob("*.bin"))[:16:5]):
         rows = np.fromfile(path, np.float32).reshape(-1, 4)
         rows = rows[: len(rows) // 48 * 48]
         elevation = np.degrees(np.arctan2(rows[:, 2], np.hypot(rows[:, 0], rows[:, 1])))

@@ -126,8 +126,8 @@ def test_a_viewpoint_that_is_no_number_is_none(tmp_path, scans):
 
 @pytest.mark.recordings
 @pytest.mark.parametrize("name", ["kitti_0005", "kitti_0027", "lyft_5hz", "room_vlp16", "yard_avia", "handheld_xt32"])
-def test_real_sweeps_are_in_the_frame_of_their_sensor_and_those_that_were_moved_are_not(recordings, name):
-    sequence = open_sequence(recordings / "sequences" / name)
+def test_real_sweeps_are_in_the_frame_of_their_sensor_and_those_that_were_moved_are_not(recording_of, name):
+    sequence = open_sequence(recording_of(name))
     assert sequence.about["frame"] == "the sensor's own"
     # of one that looks forward alone nothing shows how far behind its points it was
     for T in (FRAMES["far"], pose(20.0, 30.0, -25.0))[: 1 if name == "yard_avia" else 2]:
@@ -137,5 +137,5 @@ def test_real_sweeps_are_in_the_frame_of_their_sensor_and_those_that_were_moved_
                 len(sequence),
                 [],
                 False,
-                recordings,
+                recording_of(name),
             )

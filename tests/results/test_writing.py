@@ -145,6 +145,7 @@ def test_the_run_file_tells_counts_times_versions_and_fingerprints(folder):
     assert run["points_riding_along"] == 3
     assert run["tracks"] == {"total": 2, "moving": 1}
     about = {"name": "street", "scans": 3, "input": SEQUENCE.fingerprint(), "source": None}
+    about |= {"rate_hz": 10.0, "rate_from": "times"}
     (few,) = run["recording"].pop("warnings")
     assert few.startswith("3 scans over 0.2 s are too few to decide what moves")
     assert run["recording"] == about

@@ -191,7 +191,7 @@ def test_several_recordings_are_told_one_by_one(tmp_path, scans):
         ("handheld_xt32", "30 scans, {}, about 32 beams 330 degrees wide, no times"),
     ],
 )
-def test_the_first_line_is_true_of_real_recordings(recordings, name, line):
-    (found,) = check(recordings / "sequences" / name)
+def test_the_first_line_is_true_of_real_recordings(recording_of, name, line):
+    (found,) = check(recording_of(name))
     what = "KITTI's layout (odometry, SemanticKITTI), .bin files of x,y,z,intensity"
     assert found.first_line == f"{name} can be labelled: {line.format(what)}"
