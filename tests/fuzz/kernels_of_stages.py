@@ -38,6 +38,10 @@ from automos.odometry.sweep_timing import SweepTiming, azimuth_times
 
 def _ground(points: np.ndarray) -> None:
     find_ground(points, points[0], SETTINGS.candidates.ground)
+    # what lies nowhere at two ranges is no ground, so a floor is put below
+    x, y = (axis.ravel() for axis in np.mgrid[-20:20:0.5, -20:20:0.5])
+    floor = np.stack([x, y, np.full(x.shape, -1.7)], axis=-1).astype(points.dtype)
+    find_ground(np.concatenate([floor, points]), np.zeros(3), SETTINGS.candidates.ground)
 
 
 def _free_space(points: np.ndarray) -> None:
@@ -144,7 +148,8 @@ def _odometry(points: np.ndarray) -> None:
     surfels = make_surfels(points, times)
     for T in (np.eye(4), hostile_T):
         laid = make_submap([surfels, surfels], np.stack([np.eye(4), T]))
-        fit_surfels(laid, surfels, T, 0.2)
+        for with_elevation in (False, True):
+            fit_surfels(laid, surfels, T, 0.2, with_elevation=with_elevation)
         distances = np.resize(points, 5).astype(float)
         constrains, path = np.ones(len(laid.mean)), (np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
         facing._score(
