@@ -27,7 +27,7 @@ from automos.objects.paper import hierarchy
 from automos.objects.segments import segment_points
 from automos.objects.states import state_probabilities
 from automos.objects.tracks import Tracks, observed
-from automos.odometry import drifting_seam, facing, point_order, registration
+from automos.odometry import drifting_seam, facing, point_order, registration, submap
 from automos.odometry import vertical as level
 from automos.odometry.compensation import compensate
 from automos.odometry.motion import usable_points
@@ -148,8 +148,8 @@ def _odometry(points: np.ndarray) -> None:
     surfels = make_surfels(points, times)
     for T in (np.eye(4), hostile_T):
         laid = make_submap([surfels, surfels], np.stack([np.eye(4), T]))
-        for with_elevation in (False, True):
-            fit_surfels(laid, surfels, T, 0.2, with_elevation=with_elevation)
+        fit_surfels(laid, surfels, T, 0.2, with_elevation=True)
+        submap._rise(0.6, 0.0, 0.8, points[0])  # of surfels on a surface, which these are not
         distances = np.resize(points, 5).astype(float)
         constrains, path = np.ones(len(laid.mean)), (np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
         facing._score(
