@@ -195,15 +195,11 @@ def _tracks(run: RunFiles, edits: dict[int, EditedScan]) -> dict[str, Any]:
             boxes.setdefault(change.track, []).append(box)
             verdicts.setdefault(change.track, Counter())[VERDICTS[change.after.verdict]] += 1
     known = {track["id"]: track for track in run.tracks_file["tracks"]}
-    tracks = [
-        {
-            "id": track,
-            "verdict": verdicts[track].most_common(1)[0][0],
-            "confidence": 1.0 if track in touched else known[track]["confidence"],
-            "boxes": boxes[track],
-        }
-        for track in sorted(boxes)
-    ]
+    tracks = []
+    for track in sorted(boxes):
+        verdict = verdicts[track].most_common(1)[0][0]
+        sure = {"id": track, "verdict": verdict, "confidence": 1.0, "p_moved": float(verdict == "moving")}
+        tracks.append({**(sure if track in touched else known[track]), "boxes": boxes[track]})
     return {**run.tracks_file, "tracks": tracks}
 
 
