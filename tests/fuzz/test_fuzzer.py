@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("resource", reason="this system limits no process's memory")
 from damage_tables import change_array
-from run import Reader, fuzz
+from fuzzer import Reader, fuzz
 
 
 def test_damaged_inputs_are_refused_in_a_sentence_or_read_whole():

@@ -1,4 +1,4 @@
-"""Damage inputs of every kind, and count what becomes of them: python tests/fuzz/run.py --inputs 5000 [--seed 0].
+"""Damage inputs of every kind, and count what becomes of them: python tests/fuzz/fuzzer.py --inputs 5000 [--seed 0].
 
 In pieces: --inputs 500 --seed 0, --inputs 500 --seed 500, and so on, are the same inputs.
 """
