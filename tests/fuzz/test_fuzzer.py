@@ -38,10 +38,10 @@ def test_the_fuzzer_tells_a_traceback_from_a_refusal(tmp_path):
 
 
 def test_an_input_that_takes_too_much_processor_time_is_a_hang_and_one_that_waits_for_the_machine_is_not(monkeypatch):
-    monkeypatch.setattr("run.PATIENCE", 0.02)
+    monkeypatch.setattr("fuzzer.PATIENCE", 0.02)
     reader = Reader()
     assert reader.read("label", 1)[0] == "hang"  # labelling takes longer than that on any machine
-    monkeypatch.setattr("run.PATIENCE", 60)
+    monkeypatch.setattr("fuzzer.PATIENCE", 60)
     assert reader.read("settings", 1)[0] in ("refused", "accepted")  # in a process begun anew
     reader.end()
 
