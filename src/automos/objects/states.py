@@ -50,6 +50,8 @@ def chain_of_two(
     """Return p_moving (R,) and p_ever (T,) of T bodies, given all of their scans.
 
     first : (T + 1,) the first row of each body.   ratio : (R,) log-likelihood ratio of moving against standing.
+
+    Equations: states, readings
     """
     p_moving, p_ever = np.zeros(len(times)), np.zeros(len(first) - 1)
     for k in range(len(first) - 1):
