@@ -19,12 +19,12 @@ import numpy.typing as npt
 from automos.core.errors import InputError
 from automos.core.geometry import inverse, make_transform, transform
 from automos.core.label_files import read_labels
-from automos.core.labels import Label, to_mos
+from automos.core.labels import to_mos
 from automos.core.pose_files import read_poses
 from automos.core.scan import GROUND, Frame, Points, Pose, Scan, Sequence
 from automos.core.upright_boxes import Boxes
-from automos.core.workspace import REVIEWED, Workspace, require_same
-from automos.evaluation.report import find_predictions
+from automos.core.workspace import Workspace, require_same
+from automos.evaluation.predictions import find_predictions, tracks_of
 from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.trajectory import SequenceFrames, Trajectory, make_frame
 from automos.results.scan_boxes import ScanBoxes
@@ -115,23 +115,17 @@ class RunFiles:
         InputError
             Neither the label files nor the run's stages say so.
         """
-        packed = self.packed(index, n_points)
-        if (packed >> 16).any():
-            return (packed >> 16).astype(np.int64)
-        is_moving = to_mos(packed) == Label.MOVING
-        if not is_moving.any():
-            return np.zeros(n_points, np.int64)
-        run = Workspace(self.folder).read_run()
-        key, name = run.get("stages", {}).get("labels"), f"{self.names[index]}.npz"
-        stages = (REVIEWED, "labels")  # what a person decided, where anything was, else what the run found
-        stage = next((s for s in stages if (self.folder / "stages" / f"{s}-{key}" / name).exists()), None)
-        if stage is None:
+        tracks = self.tracks_of_points(index, n_points)
+        if tracks is None:
             raise InputError(
                 f"{self.folder} does not say which object each moving point belongs to; label again with "
                 "--set output.track_ids=true"
             )
-        tracks = Workspace(self.folder).stage(stage, str(key)).load(self.names[index], "track")["track"]
-        return np.where(is_moving, tracks.astype(np.int64) + 1, 0)
+        return tracks
+
+    def tracks_of_points(self, index: int, n_points: int) -> npt.NDArray[np.int64] | None:
+        """Return what `instances` does, or None where nothing says so."""
+        return tracks_of(self.folder, self.names[index], self.packed(index, n_points))
 
     def points_at_pose(self, scan: Scan, index: int) -> Points:
         """Return the (N, 3) points of `scan` as seen from its pose, motion-compensated.
