@@ -225,11 +225,6 @@ class Sequence:
     def truth_motion(self, index: int) -> npt.NDArray[np.float32] | None:
         """Return the true motion of each point of scan `index` until the next scan, or None.
 
-        Parameters
-        ----------
-        index : int
-            Number of the scan, from 0.
-
         Returns
         -------
         (N, 3) float32 or None
