@@ -11,6 +11,7 @@ from automos.core.errors import InputError
 
 sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
 import ablation
+import bodies
 import catalog
 import compare
 import experiment
@@ -246,3 +247,22 @@ def test_a_digest_counts_what_shapes_labels_and_the_whole_package_where_asked(tm
     assert experiment.code_digest(()) != of_all
     (tmp_path / "voxels.py").write_text("after")
     assert experiment.code_digest() != of_labels
+
+
+def test_bins_of_bodies_are_merged_until_each_has_thirty():
+    assert bodies.merged(np.array([40, 10, 5, 20, 0, 31, 29])) == [slice(0, 1), slice(1, 4), slice(4, 7)]
+    assert bodies.merged(np.array([10, 5])) == []
+
+
+def test_as_many_bodies_move_as_their_probability_says_or_the_table_shows_by_how_much_not():
+    counts, points = np.zeros((20, 3)), np.zeros((20, 3))
+    counts[0], counts[10] = (100, 1.0, 1), (100, 51.0, 80)
+    points[0], points[10] = (1000, 10.0, 10), (500, 255.0, 400)
+    row = {"bodies": counts.tolist(), "points_of_bodies": points.tolist()}
+    heading, sure, doubtful = bodies.calibration([row])
+    assert sure[:3] == ["0.010", "100", "0.010"]
+    assert sure[heading.index("interval is off by")] == "0.00"
+    low, high = bodies.interval(100, 80)
+    assert 0.72 < low < 0.75 < 0.85 < high < 0.88
+    assert doubtful[heading.index("interval is off by")] == f"{low - 0.51:.2f}"
+    assert doubtful[-2:] == ["500 at 0.510", "0.800"]
