@@ -127,7 +127,8 @@
       wall ? `Walls seen from many scans are ${(100 * wall).toFixed(1)} cm thick on the map: the smaller, the better the poses.` : "",
     ].filter(Boolean);
     put("frames-body", ...sentences.map((sentence) => element("p", {}, sentence)));
-    const curves = [{ name: "height of the sensor", color: "#8a4fd0", axis: (v) => `${+v.toPrecision(2)}`, figure: (v) => `${v.toFixed(2)} m`, values: data.height.map((z) => z - Math.min(...data.height)) }];
+    const lowest = data.height.reduce((low, z) => Math.min(low, z), Infinity);
+    const curves = [{ name: "height of the sensor", color: "#8a4fd0", axis: (v) => `${+v.toPrecision(2)}`, figure: (v) => `${v.toFixed(2)} m`, values: data.height.map((z) => z - lowest) }];
     if (data.has_clock && data.scans > 1) curves.push({ name: "seconds to the next scan", color: "#b35c00", axis: (v) => `${+v.toPrecision(2)}`, figure: (v) => `${v.toFixed(3)} s`, values: data.stamps.map((t, i) => (i + 1 < data.scans ? data.stamps[i + 1] - t : null)) });
     return makeCharts(byId("frames-charts"), curves, stampOf, show);
   }
