@@ -85,7 +85,7 @@ TABLES = {
     "packages": Table("libraries", make.packages),
 }
 OVERVIEW = "benchmarks"
-"""The table of all benchmarks: what each measures, how long it takes, what was run last."""
+"""The table of all benchmarks: what each measures, how long it takes."""
 
 
 def pages() -> list[Path]:
@@ -135,7 +135,7 @@ def states_of(rows: list[Row]) -> str:
 def markdown(name: str, results: dict[str, Result]) -> str:
     """Return table `name` as the stored results have it, and what they are of; where there is none, how to make it."""
     if name == OVERVIEW:
-        (heading, *lines), said, numbers = _overview(results), "", "---"
+        (heading, *lines), said, numbers = _overview(), "", "---"
     else:
         table = TABLES[name]
         command = f"`python benchmarks/run.py {table.benchmark}`"
@@ -148,12 +148,9 @@ def markdown(name: str, results: dict[str, Result]) -> str:
     return f"{head}|---{f'|{numbers}' * (len(heading) - 1)}|\n{''.join(body)}{said}"
 
 
-def _overview(results: dict[str, Result]) -> Lines:
-    lines = [["name", "what it measures", "takes about", "stored result"]]
-    for name, benchmark in BENCHMARKS.items():
-        stored = states_of([{"head": row["head"]} for row in results[name]["rows"]]) if name in results else "none"
-        lines.append([f"`{name}`", benchmark.what, benchmark.takes, stored])
-    return lines
+def _overview() -> Lines:
+    listed = [[f"`{name}`", benchmark.what, benchmark.takes] for name, benchmark in BENCHMARKS.items()]
+    return [["name", "what it measures", "takes about"], *listed]
 
 
 def with_tables(page: str, results: dict[str, Result]) -> str:
