@@ -27,33 +27,6 @@ class EgoBodySettings(Group):
     tolerance: float = Field(0.06, gt=0, description="m, difference of equal ranges; more finds more body")
 
 
-class ErasorSettings(Group):
-    """III-B: ERASOR (Lim et al., RA-L 2021). Defaults: the whole-sequence preset of its authors (large_scale)."""
-
-    version: Literal[2, 3] = Field(3, description="2: the paper's rule; 3: the released rule, which removes less")
-    max_range: float = Field(
-        80.0, gt=0, description="m, radius of the compared area; larger values find farther movers in larger bins"
-    )
-    min_height: float = Field(
-        -1.3, description="m above the ground under the sensor; larger values leave out more low points"
-    )
-    max_height: float = Field(
-        3.0,
-        description="m above the ground under the sensor; larger values include tall lorries, and trees above cars",
-    )
-    scan_ratio: float = Field(
-        0.2, gt=0, lt=1, description="ratio of heights below which a bin has changed; larger values remove more"
-    )
-    voxel: float = Field(
-        0.2,
-        gt=0,
-        description="m, side of a voxel; larger voxels need less memory and remove more around a mover",
-    )
-    every: int = Field(
-        4, ge=1, description="scans per comparison with the map; larger values take less time and remove less"
-    )
-
-
 class FreeSpaceSettings(Group):
     """Free-space evidence: what was observed free before or after."""
 
@@ -81,7 +54,6 @@ class CandidatesSettings(Group):
     ] = "free_space"
     ground: GroundSettings = GroundSettings()
     ego_body: EgoBodySettings = EgoBodySettings()
-    erasor: ErasorSettings = ErasorSettings()
     free_space: FreeSpaceSettings = FreeSpaceSettings()
 
 
