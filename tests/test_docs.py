@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from pkgutil import resolve_name
 
 import pytest
 import typer
@@ -60,6 +61,12 @@ def test_a_command_on_a_page_is_there_with_its_options(page):
         for name, rest in re.findall(r"(?:^|[ /'])automos ([a-z][\w-]*)([^#]*)", line.partition("# ")[0]):
             known = {name for parameter in COMMANDS[name].params for name in parameter.opts + parameter.secondary_opts}
             assert set(re.findall(r"\s(--[a-z][\w-]*)", rest)) <= known | {"--help"}, line
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_a_name_in_the_package_on_a_page_is_there(page):
+    for name in re.findall(r"`(automos(?:\.\w+)+(?::\w+)?)", page.read_text()):
+        assert resolve_name(name.replace(":", ".")) is not None, name
 
 
 def anchors_of(page: Path) -> set[str]:
