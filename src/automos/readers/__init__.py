@@ -34,7 +34,7 @@ class LeftOutError(InputError):
 
 
 FORMATS: tuple[str, ...] = (
-    "rosbag", "velodyne", "ouster", "argoverse2", "waymo", "nuscenes", "kitti_raw", "kitti_tracking", "helipr",
+    "rosbag", "packets", "ouster", "argoverse2", "waymo", "nuscenes", "kitti_raw", "kitti_tracking", "helipr",
     "mulran", "apollo", "helimos", "semanticposs", "kitti", "folder",
 )  # fmt: skip
 """Formats of recordings in the order they are tried; each is a module of this package."""
@@ -141,6 +141,7 @@ class _Found(NamedTuple):
 
 def _find(path: Path, format: str | None) -> list[_Found]:
     """Return the recordings at `path`, at least one."""
+    format = "packets" if format == "velodyne" else format  # what it was called as it read no others
     with damage_reported(path):
         names, codec = _resolve(format)
         for name in names:
