@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from automos.core.errors import AutomosError, InputError
 from automos.core.geometry import inverse, transform
+from automos.core.pose_files import read_poses
 from automos.core.scan import Mask, Pose, Scan, Sequence
 from automos.readers import bag_messages
 from automos.readers.bag import Bag, name_of, split_address
@@ -30,6 +31,7 @@ from automos.readers.packets.messages import as_datagrams, begins_scan, read_pac
 from automos.readers.point_cloud2 import EMPTY, points_counted
 from automos.readers.point_times import judge_times
 from automos.readers.sensor_place import find_frame
+from automos.readers.stamped_poses import truth_beside
 from automos.readers.time_order import count_unset, put_in_order
 
 
@@ -114,8 +116,10 @@ class RosbagSequence(Sequence):
 
     @property
     def reference_poses(self) -> Pose | None:
-        """(len, 4, 4) T_world_sensor by which clouds were taken out of a map's frame; None where they were not."""
-        T = self._T_frame_sensor
+        """(len, 4, 4) T_world_sensor that clouds were taken out of a map's frame by, or of VBR's truth; None without."""
+        T, told = self._T_frame_sensor, truth_beside(self.source.parent, self.name)
+        if T is None and told is not None:
+            return read_poses(told, len(self), self.stamps)
         return None if T is None else inverse(T[0]) @ T
 
     @property
