@@ -100,7 +100,9 @@ class PointFiles:
         key, name = Workspace(self.folder).read_run().get("stages", {}).get("labels"), self.names[index]
         for stage in (REVIEWED, "labels"):  # what a person decided, where anything was, else what the run found
             if (self.folder / "stages" / f"{stage}-{key}" / f"{name}.npz").exists():
-                return as_probability(Workspace(self.folder).stage(stage, str(key)).load(name, "confidence")["confidence"])
+                return as_probability(
+                    Workspace(self.folder).stage(stage, str(key)).load(name, "confidence")["confidence"]
+                )
         raise self._silent("how sure each label is", "--confidence")
 
     def _silent(self, asked: str, option: str) -> InputError:

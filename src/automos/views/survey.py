@@ -15,6 +15,7 @@ from automos.core.workspace import Workspace
 from automos.evaluation.moving import Counts, Scores, count
 from automos.evaluation.objects import FOUND, movers_of
 from automos.evaluation.overlaps import Overlaps, count_overlaps
+from automos.evaluation.predictions import tracks_of
 from automos.results.run_files import RunFiles
 from automos.views.caveats import caveats
 from automos.views.ground_map import FALSE, MISSED, MOVES, STANDS, GroundMap
@@ -155,7 +156,8 @@ class _Truth:
         scores = counted.scores
         self._per_scan[index] = scores.true_dynamic, scores.false_dynamic, scores.false_static
         self._counts += counted
-        self._overlaps.append(count_overlaps(index, labels, truth, run.tracks_of_points(index, len(labels))))
+        tracks = tracks_of(run.folder, run.names[index], run.packed(index, len(labels)))
+        self._overlaps.append(count_overlaps(index, labels, truth, tracks))
         true = to_mos(truth)
         kinds = np.where(says_moving, np.where(true == Label.STATIC, FALSE, MOVES), STANDS)
         return np.where(~says_moving & (true == Label.MOVING), MISSED, kinds).astype(np.uint8)
