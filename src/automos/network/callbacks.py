@@ -41,8 +41,8 @@ class Told(lightning.Callback):
 
     def on_train_batch_end(self, trainer: lightning.Trainer, *others: Any) -> None:
         """Say how far it is."""
-        scans = len(trainer.train_dataloader.dataset)  # type: ignore[union-attr]
-        done = min((others[-1] + 1) * trainer.train_dataloader.batch_size, scans)  # type: ignore[union-attr]
+        scans = len(trainer.train_dataloader.dataset)
+        done = min((others[-1] + 1) * trainer.train_dataloader.batch_size, scans)
         self._progress("training", trainer.current_epoch * scans + done, (trainer.max_epochs or 1) * scans)
 
     def on_validation_batch_end(self, trainer: lightning.Trainer, *others: Any) -> None:
