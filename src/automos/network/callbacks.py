@@ -41,9 +41,8 @@ class Told(lightning.Callback):
 
     def on_train_batch_end(self, trainer: lightning.Trainer, *others: Any) -> None:
         """Say how far it is."""
-        loader: Any = trainer.train_dataloader
-        scans = len(loader.dataset)
-        done = min((others[-1] + 1) * loader.batch_size, scans)
+        scans = len(trainer.train_dataloader.dataset)
+        done = min((others[-1] + 1) * trainer.train_dataloader.batch_size, scans)
         self._progress("training", trainer.current_epoch * scans + done, (trainer.max_epochs or 1) * scans)
 
     def on_validation_batch_end(self, trainer: lightning.Trainer, *others: Any) -> None:

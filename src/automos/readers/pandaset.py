@@ -68,7 +68,7 @@ def _columns(packed: bytes) -> Columns:
         told = manager.state[3]["0.14.1"]
         axes, pieces = told["axes"], [(block["values"], block["mgr_locs"]) for block in told["blocks"]]
     names = axes[0].args[1]["data"]
-    columns = {}
+    columns: Columns = {}
     for values, place in pieces:
         columns |= dict(zip(names[place].tolist(), values, strict=True))
     return columns
@@ -103,6 +103,7 @@ class PandasetSequence(ListedSequence):
         if not len(files) == len(stamps) == len(poses):
             raise InputError(f"{folder} holds {len(files)} scans, {len(stamps)} times and {len(poses)} poses")
         super().__init__(source, files, [file.name.split(".")[0] for file in files], stamps)
+        self._taken = stamps
         self._T_map_sensor: Pose = from_quaternions(places, turns, folder / "poses.json")
 
     def __getitem__(self, index: int) -> Scan:
@@ -115,7 +116,7 @@ class PandasetSequence(ListedSequence):
             columns = {name: table[name][is_own] for name in ("x", "y", "z", "i", "t")}
         except Exception as error:  # what is no table breaks in many ways
             raise InputError(f"{path} is no table of points of PandaSet ({error}); download it again") from None
-        stamp, T_map_sensor = float(self._stamps[index]), self._T_map_sensor[index]
+        stamp, T_map_sensor = float(self._taken[index]), self._T_map_sensor[index]
         return to_scan(columns, path, self._names[index], stamp, 1.0, 1.0, T_map_sensor)
 
     @property

@@ -133,7 +133,7 @@ def _from_file(
     if not is_there(path):
         return before
     packed = read_labels(path, len(before[0]))
-    label = to_mos(packed).astype(np.uint8)
+    label = to_mos(packed)
     own = (packed >> 16).astype(np.int64)
     return label, np.where(label == Label.MOVING, own if own.any() else before[1], 0)
 
