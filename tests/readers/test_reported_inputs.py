@@ -4,6 +4,7 @@ Each is the same short drive, written as some program writes it; what comes out 
 times and rings where it tells them.
 """
 
+import re
 import struct
 from types import SimpleNamespace
 
@@ -13,6 +14,7 @@ from bags import CODES, cloud, write_bag
 from street_log import street_log
 
 from automos.readers import open_sequence
+from automos.views.checking import check
 
 N = 700
 """Points of a scan here; the rest of it says nothing more."""
@@ -40,6 +42,10 @@ def drive():
 
 
 def assert_same(sequence, drive, has=("intensity", "time", "ring"), atol=1e-5, order=None):
+    (found,) = check(sequence.address)
+    rate = "no times" if sequence.stamps is None else "10.0 scans a second"
+    assert re.match(rf"\S+ can be labelled(, with \d doubts?)?: {len(drive)} scans, .*, {rate}$", found.first_line)
+    assert (found.points, sorted(found.fields)) == (N, sorted(has)), "what automos check says"
     assert len(sequence) == len(drive)
     for k, true in enumerate(drive):
         got, rows = sequence[k], slice(None) if order is None else order

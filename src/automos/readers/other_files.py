@@ -19,6 +19,10 @@ _OTHERS = {
     b"livox_tech": ("a recording of Livox's viewer", "convert it to a ROS bag with Livox's lvx2rosbag and give that"),
 }
 _NAMED = {
+    ".e57": (
+        "a single E57 file",
+        "export its scans, one file each and in the scanner's frame, into a folder and give that",
+    ),
     ".lvx3": _OTHERS[b"livox_tech"],
     ".tar": ("an archive (tar)", "unpack it (tar -xf {}) and give what comes out"),
     ".rrf": ("a recording of Cepton's viewer", "export its frames as PCD into a folder and give that"),
