@@ -169,7 +169,7 @@ class Names:
         return _new_Index, (Index, {"data": np.array(self.names, object), "name": None})
 
 
-def _new_Index(cls, d):  # noqa: N802
+def _new_Index(cls, d):
     raise AssertionError("it is not run")
 
 
@@ -179,7 +179,8 @@ def _unpickle_block(values, place, ndim):
 
 HOMES = {
     "DataFrame": b"pandas.core.frame\nDataFrame", "Index": b"pandas.core.indexes.base\nIndex",
-    "_new_Index": b"pandas.core.indexes.base\n_new_Index", "_unpickle_block": b"pandas._libs.internals\n_unpickle_block",
+    "_new_Index": b"pandas.core.indexes.base\n_new_Index",
+    "_unpickle_block": b"pandas._libs.internals\n_unpickle_block",
     "BlockManager": b"pandas.core.internals.managers\nBlockManager",
     "OldManager": b"pandas.core.internals.managers\nBlockManager",
 }  # fmt: skip

@@ -20,6 +20,7 @@ from automos.core.labels import Label
 from automos.core.pose_files import interpolate_poses, lines_of_scans, read_poses
 from automos.core.reading import DAMAGE, is_there, read_bytes, read_text
 from automos.core.scan import Pose
+from automos.core.upright_boxes import TrueBoxes
 from automos.readers.box_truth import DrawnBoxes, centers_in_world, checked_boxes, judge_boxes, paint_boxes
 from automos.readers.folder import FolderSequence
 from automos.readers.formats import Format
@@ -98,6 +99,11 @@ class KittiRawSequence(FolderSequence):
         scan = self[index]
         packed = paint_boxes(scan, np.eye(4), self._drawn.of(index))
         return np.where(in_view(scan.points, *self._camera), packed, np.uint32(Label.UNLABELED))
+
+    def truth_boxes(self, index: int) -> TrueBoxes | None:
+        """Return the tracklets of scan `index`; None of a drive without."""
+        is_drawn = is_there(self.source / _BOXES)
+        return self._drawn.of(self._scan_number(index)).true(np.eye(4)) if is_drawn else None
 
     def _published_poses(self) -> Pose | None:
         told = truth_beside(self.source, self.source.resolve().name)

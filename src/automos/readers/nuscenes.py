@@ -19,6 +19,7 @@ from automos.core.errors import InputError
 from automos.core.labels import Label
 from automos.core.reading import damage_reported, is_there, read_json
 from automos.core.scan import Pose, Scan
+from automos.core.upright_boxes import TrueBoxes
 from automos.readers.box_truth import DrawnBoxes, checked_boxes, judge_boxes, paint_boxes
 from automos.readers.codecs import read_columns
 from automos.readers.columns import to_scan
@@ -111,6 +112,13 @@ class NuscenesSequence(ListedSequence):
         if keyframe is None or self._drawn is None:
             return None
         return paint_boxes(self[index], self._T_global_sensor[index], self._drawn.of(keyframe))
+
+    def truth_boxes(self, index: int) -> TrueBoxes | None:
+        """Return the boxes drawn in scan `index`; None between keyframes."""
+        keyframe = self._keyframe_of[index]
+        if keyframe is None or self._drawn is None:
+            return None
+        return self._drawn.of(keyframe).true(self._T_global_sensor[index])
 
 
 # ------------------------------------------------------------------------------------------------------- tables

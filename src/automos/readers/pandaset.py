@@ -68,7 +68,7 @@ def _columns(packed: bytes) -> Columns:
         told = manager.state[3]["0.14.1"]
         axes, pieces = told["axes"], [(block["values"], block["mgr_locs"]) for block in told["blocks"]]
     names = axes[0].args[1]["data"]
-    columns = {}
+    columns: Columns = {}
     for values, place in pieces:
         columns |= dict(zip(names[place].tolist(), values, strict=True))
     return columns
@@ -103,7 +103,8 @@ class PandasetSequence(ListedSequence):
         if not len(files) == len(stamps) == len(poses):
             raise InputError(f"{folder} holds {len(files)} scans, {len(stamps)} times and {len(poses)} poses")
         super().__init__(source, files, [file.name.split(".")[0] for file in files], stamps)
-        self._T_map_sensor = from_quaternions(places, turns, folder / "poses.json")
+        self._taken = stamps
+        self._T_map_sensor: Pose = from_quaternions(places, turns, folder / "poses.json")
 
     def __getitem__(self, index: int) -> Scan:
         index = self._scan_number(index)
@@ -115,9 +116,8 @@ class PandasetSequence(ListedSequence):
             columns = {name: table[name][is_own] for name in ("x", "y", "z", "i", "t")}
         except Exception as error:  # what is no table breaks in many ways
             raise InputError(f"{path} is no table of points of PandaSet ({error}); download it again") from None
-        return to_scan(
-            columns, path, self._names[index], float(self._stamps[index]), 1.0, 1.0, self._T_map_sensor[index]
-        )
+        stamp, T_map_sensor = float(self._taken[index]), self._T_map_sensor[index]
+        return to_scan(columns, path, self._names[index], stamp, 1.0, 1.0, T_map_sensor)
 
     @property
     def reference_poses(self) -> Pose:
