@@ -3,12 +3,13 @@
     recording -> poses -> candidates -> instances -> objects -> labels
                  III-A    III-B         III-C        III-D      III-D
 
-A point becomes moving in `stages/labels.py`, if its segment belongs to a moving track. Whether a track moves is
-decided in `tracking/judge.py`, or in `paper/verdict.py` for the preset `paper`.
+A point becomes moving in `objects/labels.py`, if its segment belongs to a moving track. Whether a track moves is
+decided in `objects/judge.py`, or in `objects/paper/verdict.py` for the preset `paper`.
 
-Only this file defines the order of the stages; `stages/` has a file for each of those after the poses. A stage takes
-the results of the earlier stages and stores its own in the workspace, scan by scan if possible. A stage whose results
-exist already, for the same recording and settings, is not run again.
+Only this file defines the order of the stages. Each is one call: `odometry/estimate.py`, `evidence/stage.py`,
+`objects/instances.py`, `objects/tracking.py`, `objects/labels.py`. A stage takes the results of the earlier stages and
+stores its own in the workspace, scan by scan if possible. A stage whose results exist already, for the same recording
+and settings, is not run again.
 """
 
 from __future__ import annotations

@@ -17,7 +17,8 @@ from automos.core.run import Progress
 from automos.core.scan import Sequence
 from automos.core.workspace import RUN_FILE
 from automos.evaluation.moving import Counts, count
-from automos.evaluation.report import evaluate_folder, find_predictions
+from automos.evaluation.predictions import find_predictions
+from automos.evaluation.report import evaluate_folder
 from automos.labeling import label_recording
 from automos.network.domains import Domain, write_part
 from automos.network.recordings import Source

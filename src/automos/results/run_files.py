@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -22,7 +23,8 @@ from automos.core.pose_files import read_poses
 from automos.core.scan import GROUND, Frame, Points, Pose, Scan, Sequence
 from automos.core.upright_boxes import Boxes
 from automos.core.workspace import Workspace, require_same
-from automos.evaluation.report import find_predictions
+from automos.evaluation.predictions import find_predictions
+from automos.objects.kinds import Kind
 from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.trajectory import SequenceFrames, Trajectory, make_frame
 from automos.results.point_files import PointFiles
@@ -180,16 +182,20 @@ class RunFiles(PointFiles):
         rows = self._rows_of_scan[index]
         table = self._table
         boxes = Boxes(table["center"][rows], table["size"][rows], table["yaw"][rows], table["confidence"][rows])
-        return ScanBoxes(
-            boxes, table["id"][rows], table["verdict"][rows], table["velocity"][rows], table["observed"][rows]
-        )
+        ids = table["id"][rows]
+        columns = table["verdict"][rows], self.kinds(ids), table["velocity"][rows], table["observed"][rows]
+        return ScanBoxes(boxes, ids, *columns)
 
     def boxes_upright(self, index: int) -> ScanBoxes:
         """Return the objects of scan `index` in its upright frame."""
         level = self.boxes_level(index)
         T = inverse(self.T_level_upright(index))
-        velocity = level.velocity @ T[:3, :3].T
-        return ScanBoxes(level.boxes.transformed(T), level.ids, level.verdict, velocity, level.observed)
+        return replace(level, boxes=level.boxes.transformed(T), velocity=level.velocity @ T[:3, :3].T)
+
+    def kinds(self, ids: npt.NDArray[np.int64]) -> npt.NDArray[np.int8]:
+        """Return (K,) of `Kind`, the likeliest of each of some tracks, `ids` (K,); OTHER where there is no such."""
+        unique, row = np.unique(ids, return_inverse=True)
+        return np.array([self._kind_of_track.get(track, Kind.OTHER) for track in unique.tolist()], np.int8)[row]
 
     @property
     def tracks(self) -> dict[int, tuple[str, float]]:
@@ -200,6 +206,11 @@ class RunFiles(PointFiles):
     def tracks_file(self) -> dict[str, Any]:
         """What tracks.json holds."""
         return read_tracks(self.folder / "tracks.json", len(self))
+
+    @cached_property
+    def _kind_of_track(self) -> dict[int, Kind]:
+        found = {track["id"]: track.get("kind") for track in self.tracks_file["tracks"]}
+        return {track: Kind[max(odds, key=odds.get).upper()] for track, odds in found.items() if odds}
 
     @cached_property
     def _table(self) -> dict[str, npt.NDArray]:

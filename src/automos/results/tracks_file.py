@@ -55,7 +55,7 @@ class _Track(_Strict):
     verdict: Literal["unknown", "static", "moving"]
     confidence: Annotated[float, Field(ge=0.0, le=1.0)]
     p_moved: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
-    kind: dict[str, float] = Field(default_factory=dict)
+    kind: dict[Literal["car", "large_vehicle", "two_wheeler", "person", "other"], float] = Field(default_factory=dict)
     displacement: Annotated[float, Field(ge=0.0)] = 0.0
     moves_from: Annotated[float, Field(allow_inf_nan=False)] | None = None
     moves_until: Annotated[float, Field(allow_inf_nan=False)] | None = None

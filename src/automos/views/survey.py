@@ -13,7 +13,9 @@ from automos.core.labels import Label, to_mos
 from automos.core.reading import damage_reported, is_there, read_text
 from automos.core.workspace import Workspace
 from automos.evaluation.moving import Counts, Scores, count
-from automos.evaluation.objects import ObjectCounts, count_objects
+from automos.evaluation.objects import FOUND, movers_of
+from automos.evaluation.overlaps import Overlaps, count_overlaps
+from automos.evaluation.predictions import tracks_of
 from automos.results.run_files import RunFiles
 from automos.views.caveats import caveats
 from automos.views.ground_map import FALSE, MISSED, MOVES, STANDS, GroundMap
@@ -23,8 +25,6 @@ MAX_THUMBNAILS = 900
 """Tracks that get a picture; the least certain and all that moves go first."""
 MAX_BOXES = 40_000
 """Boxes of moving tracks that the map can play back; of more, every second scan is kept, or every third."""
-FOUND = 0.5
-"""Share of its points from which an object counts as found, as `automos evaluate` counts it."""
 _CLASSES = (Label.UNLABELED, Label.STATIC, Label.MOVING)
 
 
@@ -141,7 +141,7 @@ class _Truth:
 
     def __init__(self, n_scans: int):
         self._counts = Counts()
-        self._objects = ObjectCounts()
+        self._overlaps = [Overlaps.empty()]
         self._per_scan = np.full((n_scans, 3), -1, np.int64)
 
     def compare(self, index: int, run: RunFiles, labels: npt.NDArray, points: npt.NDArray) -> npt.NDArray[np.uint8]:
@@ -156,7 +156,8 @@ class _Truth:
         scores = counted.scores
         self._per_scan[index] = scores.true_dynamic, scores.false_dynamic, scores.false_static
         self._counts += counted
-        self._objects += count_objects(labels, truth)
+        tracks = tracks_of(run.folder, run.names[index], run.packed(index, len(labels)))
+        self._overlaps.append(count_overlaps(index, labels, truth, tracks))
         true = to_mos(truth)
         kinds = np.where(says_moving, np.where(true == Label.STATIC, FALSE, MOVES), STANDS)
         return np.where(~says_moving & (true == Label.MOVING), MISSED, kinds).astype(np.uint8)
@@ -164,7 +165,7 @@ class _Truth:
     def to_page(self) -> dict[str, Any] | None:
         if not self._counts.n_scans:
             return None
-        recall = self._objects.recall
+        recall = movers_of(Overlaps.concatenate(self._overlaps)).recall
         return {
             "all": _scores(self._counts.scores),
             "ranges": {name: _scores(scores) for name, scores in self._counts.scores_by_range.items()},

@@ -6,21 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from automos.baselines.erasor import Parameters, find_moving
+from automos.baselines.erasor_bins import Volume, polar_bins
+from automos.baselines.submaps import cut_submaps
 from automos.core.geometry import inverse, make_transform, transform
 from automos.core.scan import Frame
-from automos.evidence.paper.erasor import PUBLISHED, find_candidates
-from automos.evidence.paper.erasor_bins import Volume, polar_bins
-from automos.evidence.paper.submaps import cut_submaps
-from automos.settings import ErasorSettings
 
 ONE_BIN = {"max_range": 20.0, "rings": 1, "sectors": 1, "every": 1}
-
-
-def parameters(**values):
-    """Return settings and published values, those named changed."""
-    published = {name: value for name, value in values.items() if name in PUBLISHED._fields}
-    settings = {name: value for name, value in values.items() if name not in published}
-    return ErasorSettings(**settings), PUBLISHED._replace(**published)
 
 
 class ListFrames(list):
@@ -52,13 +44,11 @@ def post(top: float, x: float = 9.65, y: float = 0.15) -> np.ndarray:
     return np.column_stack([np.full(len(z), x), np.full(len(z), y), z])
 
 
-def candidates(clouds, poses=None, **settings) -> list[np.ndarray]:
-    """Return which points of every cloud are candidates."""
-    chosen, published = parameters(**ONE_BIN | settings)
-    found = dict(find_candidates(make_frames(clouds, poses), chosen, published=published))
+def candidates(clouds, poses=None, **parameters) -> list[np.ndarray]:
+    """Return which points of every cloud move."""
+    found = dict(find_moving(make_frames(clouds, poses), Parameters(**ONE_BIN | parameters)))
     assert list(found) == list(range(len(clouds)))
-    assert all(set(np.unique(score)) <= {0.0, 1.0} for score in found.values())
-    return [found[i] > 0.5 for i in range(len(clouds))]
+    return [found[i] for i in range(len(clouds))]
 
 
 # ----------------------------------------------------------------------------------------------------------- bins
@@ -249,9 +239,9 @@ def test_a_recording_of_one_scan_is_one_submap():
 @pytest.mark.parametrize("start", [0, 3, 7, 11])
 def test_candidates_can_be_found_from_any_scan_on(start):
     clouds = [np.concatenate([ground(), post(2.01, x=8.65 + 0.2 * i)]) for i in range(12)]
-    settings, published = parameters(**ONE_BIN, submap_scans=6)
-    whole = dict(find_candidates(make_frames(clouds), settings, published=published))
-    rest = dict(find_candidates(make_frames(clouds), settings, start, published))
+    parameters = Parameters(**ONE_BIN, submap_scans=6)
+    whole = dict(find_moving(make_frames(clouds), parameters))
+    rest = dict(find_moving(make_frames(clouds), parameters, start))
     assert list(rest) == list(range(start, 12))
     for i, score in rest.items():
         np.testing.assert_array_equal(score, whole[i])
@@ -273,5 +263,5 @@ def test_a_frame_is_read_once_a_submap():
             return super().__getitem__(index)
 
     frames = Counting(make_frames([ground()] * 8))
-    list(find_candidates(frames, ErasorSettings(every=4)))
+    list(find_moving(frames, Parameters(every=4)))
     assert Counting.read <= 8 + 2  # the two that are compared are read again

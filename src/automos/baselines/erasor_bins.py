@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from automos.baselines.region_ground import fit_region_ground
 from automos.core.kernels import kernel
-from automos.evidence.paper.region_ground import fit_region_ground
 
 _KEEP, _MAP_HIGHER, _SCAN_HIGHER, _SIMILAR, _SCAN_ONLY = range(5)
 
@@ -23,7 +23,7 @@ class Volume(NamedTuple):
 
 
 class Rules(NamedTuple):
-    """When a bin has changed; see `ErasorSettings` and `erasor.Published`."""
+    """When a bin has changed; see `erasor.Parameters`."""
 
     version: int
     scan_ratio: float
