@@ -185,7 +185,7 @@ BENCHMARKS = {
         ("default",),
     ),
     "methods-drive": Benchmark(
-        "presets and rivals on drive 0005, with seconds and memory",
+        "presets and published methods on drive 0005, with seconds and memory",
         "2 h",
         "labels:compared",
         (DRIVE,),
@@ -196,7 +196,7 @@ BENCHMARKS = {
         is_timed=True,
     ),
     "methods-worlds": Benchmark(
-        "presets and rivals on the gate's worlds with 64 beams",
+        "presets and published methods on the gate's worlds with 64 beams",
         "3 h",
         "labels:compared",
         worlds(SCENARIOS, ("HDL-64E",), 60, (100,)),

@@ -67,7 +67,7 @@ class Experiment:
     settings: Settings
     tuning: Settings
     device: Any = "auto"
-    progress: Progress | None = None
+    progress: Progress = lambda name, done, total: None
     seconds: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
