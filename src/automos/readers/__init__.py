@@ -34,8 +34,8 @@ class LeftOutError(InputError):
 
 
 FORMATS: tuple[str, ...] = (
-    "rosbag", "packets", "ouster", "argoverse2", "waymo", "nuscenes", "pandaset", "kitti_raw", "kitti_tracking",
-    "helipr", "mulran", "boreas", "apollo", "helimos", "semanticposs", "kitti", "folder",
+    "zipped", "rosbag", "packets", "ouster", "argoverse2", "waymo", "nuscenes", "pandaset", "kitti_raw",
+    "kitti_tracking", "helipr", "mulran", "boreas", "apollo", "helimos", "semanticposs", "kitti", "folder",
 )  # fmt: skip
 """Formats of recordings in the order they are tried; each is a module of this package, or one of `stamped_drives`."""
 

@@ -110,13 +110,18 @@ class RosbagSequence(Sequence):
         return self._stamps
 
     @property
+    def about(self) -> dict[str, str]:
+        """The kind of its files, and the topic."""
+        return {"files": f"{self.bag.paths[0].suffix or 'files'} with {self.topic.name}"}
+
+    @property
     def is_compensated(self) -> bool | None:
         """Whether it is known that scans are motion-compensated: those that came in a map's frame are."""
         return None if self._T_frame_sensor is None else True
 
     @property
     def reference_poses(self) -> Pose | None:
-        """(len, 4, 4) T_world_sensor that clouds were taken out of a map's frame by, or VBR's truth; None without."""
+        """(len, 4, 4) T_world_sensor by which clouds were taken out of a map's frame, or VBR's truth; None without."""
         T, told = self._T_frame_sensor, truth_beside(self.source.parent, self.name)
         if T is None and told is not None:
             return read_poses(told, len(self), self.stamps)

@@ -47,7 +47,7 @@ def test_the_points_of_a_hesai_are_those_of_its_packets(tmp_path, model):
     packets, azimuth, ranges = drive(model)
     elevation, offset = nominal(model, tmp_path)
     sequence = open_sequence(send(tmp_path / "drive.pcap", packets))
-    assert sequence.about == {"packets": model}
+    assert sequence.about == {"files": f"of a {model}"}
     assert len(sequence) == 3
     assert "drive.csv" in sequence.warnings[0]
     rank = np.argsort(np.argsort(elevation))
@@ -243,7 +243,7 @@ def test_sensors_of_several_makers_in_a_capture_are_told_apart(tmp_path):
     with pytest.raises(InputError, match=r"has 2 LiDARs \(192.168.1.3-56300, 192.168.1.201-2368\); give one"):
         open_sequence(path)
     assert len(open_sequence(path / "192.168.1.201-2368")[0].points) > 20_000
-    assert open_sequence(path / "192.168.1.3-56300").about == {"packets": "Livox"}
+    assert open_sequence(path / "192.168.1.3-56300").about == {"files": "of a Livox"}
 
 
 def test_packets_of_no_known_kind_are_none():

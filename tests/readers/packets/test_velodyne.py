@@ -245,7 +245,7 @@ def test_whose_packets_a_capture_holds_is_told_by_them_not_by_its_name(tmp_path)
     assert FORMAT.find(other) == []
     with pytest.raises(InputError, match=r"b.pcap has no metadata b.json beside it, .* no packets of a known Velodyne"):
         open_sequence(other)
-    with pytest.raises(InputError, match=r"b.pcap is not a recording of format 'packets' \(packets of Velodyne"):
+    with pytest.raises(InputError, match=r"b.pcap is not a recording of format 'packets' \(packets: .pcap"):
         open_sequence(other, "velodyne")
     with pytest.raises(InputError, match=r"b.pcap holds no packets of a known Velodyne; give another file"):
         PacketSequence(other)

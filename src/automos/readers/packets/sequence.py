@@ -83,7 +83,7 @@ class PacketSequence(SensorSequence):
     @property
     def about(self) -> dict[str, str]:
         """The kind of sensor."""
-        return {"packets": self._layout.sensor}
+        return {"files": f"of a {self._layout.sensor}"}
 
     @property
     def warnings(self) -> list[str]:
