@@ -100,7 +100,7 @@ def contents(out: Path) -> dict[str, bytes]:
     found = {
         path.relative_to(out.parent).as_posix()[len(out.name) :]: path.read_bytes() for path in places if path.is_file()
     }
-    dates = re.compile(rb'"(seconds|made)": ?(\{[^}]*\}|"[^"]*")|CREATED|\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d)?[^"<]*')
+    dates = re.compile(rb'"(seconds|made)": ?(\{[^}]*\}|"[^"]*")|\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d)?[^"<]*')
     return {name: dates.sub(b"", content) for name, content in found.items() if "stages/" not in name}
 
 
@@ -122,9 +122,11 @@ def try_fault(ground: Ground, name: str, fault: str, rng: random.Random, work: P
             size = int(10 ** rng.uniform(1.0, 5.0))
             codes.append(wait_for(ground.start(name, out, lambda: _fill(size))))
         case "locked":
-            work.chmod(0o555)
             out.mkdir()
+            for place in (out, work):
+                place.chmod(0o555)
             codes.append(wait_for(ground.start(name, out, _be_nobody)))
+            work.chmod(0o755)
             out.rmdir()
         case "link":
             out.symlink_to(theirs)

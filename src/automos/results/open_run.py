@@ -66,7 +66,7 @@ class Elsewhere(Sequence):
 
     def __init__(self, folder: Path, why: str):
         """Take the results folder."""
-        self.name, self._why = str(Workspace(folder).read_run()["recording"].get("name", folder.name)), why
+        self.name, self._why = str(Workspace(folder).read_run().get("recording", {}).get("name", folder.name)), why
         with damage_reported(folder / "tracks.json", "does not name the scans"):
             self._names = [str(name) for name in read_json(folder / "tracks.json")["scans"]]
 
