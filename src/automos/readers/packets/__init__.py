@@ -26,7 +26,7 @@ def _open(path: Path) -> Sequence:
 
 
 FORMAT = Format(
-    layout="packets: .pcap or .pcapng of Velodyne, Hesai, RoboSense or Livox, .lvx, .lvx2; of several sensors give one: "
+    layout="packets: .pcap or .pcapng of Velodyne, Hesai, RoboSense or Livox, .lvx, .lvx2; of several give one: "
     "drive.pcap/ADDRESS-PORT",
     truth="",
     find=_find,
