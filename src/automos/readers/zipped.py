@@ -112,8 +112,12 @@ class ZippedSequence(Sequence):
         return {key: value for key, value in self.__dict__.items() if key != "_folder"}
 
 
+def _of_inside(name: str) -> property:
+    return property(lambda self: getattr(self._inside, name))
+
+
 for _name in ("names", "stamps", "about", "is_compensated", "reference_poses", "repeats", "warnings"):
-    setattr(ZippedSequence, _name, property(lambda self, name=_name: getattr(self._inside, name)))
+    setattr(ZippedSequence, _name, _of_inside(_name))
 
 FORMAT = Format(
     layout="an archive: .zip of a recording",
