@@ -165,13 +165,13 @@ class RosbagSequence(Sequence):
             return bag_messages.digest(self.bag.read(self.rows[index]), self.topic)
 
     def _columns(self, index: int) -> Columns:
+        where = f"{self._where()}, scan {index}"
         with _reported(self.source):
             if self.topic.kind in bag_messages.PACKETS:
                 packets = (packet for row in self._parts[self.rows[index].tobytes()] for packet in self._packets(row))
-                columns = self._decoder.columns(as_datagrams(packets, self._decoder.layout.size))
+                columns = self._decoder.columns(as_datagrams(packets, self._decoder.layout.size, where))
             else:
-                raw, where = self.bag.read(self.rows[index]), f"{self._where()}, scan {index}"
-                columns = bag_messages.read_message(raw, self.topic, where)
+                columns = bag_messages.read_message(self.bag.read(self.rows[index]), self.topic, where)
         if self._T_frame_sensor is None:
             return columns
         points = transform(inverse(self._T_frame_sensor[index]), coordinates(columns, self._where(index)))

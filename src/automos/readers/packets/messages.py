@@ -92,9 +92,17 @@ def read_packets(raw: bytes, kind: str, is_ros2: bool, where: str) -> list[tuple
     return found
 
 
-def as_datagrams(packets: Iterable[tuple[float, bytes]], size: int) -> Datagrams:
-    """Return those packets that have `size` bytes: others tell what the sensor is, or how it is."""
+def as_datagrams(packets: Iterable[tuple[float, bytes]], size: int, where: str) -> Datagrams:
+    """Return those packets that have `size` bytes: others tell what the sensor is, or how it is.
+
+    Raises
+    ------
+    InputError
+        There are none; `where` is what they are of.
+    """
     kept = [(seconds, packet) for seconds, packet in packets if len(packet) == size]
+    if not kept:
+        raise InputError(f"{where} holds no packets of points as those before it do; record or export it again")
     payloads = np.frombuffer(b"".join(packet for _, packet in kept), np.uint8).reshape(-1, size)
     none = np.zeros(len(kept), np.int64)
     return Datagrams(none, payloads, np.array([seconds for seconds, _ in kept]), none)
