@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from pkgutil import resolve_name
 
 import pytest
 import typer
@@ -62,6 +63,12 @@ def test_a_command_on_a_page_is_there_with_its_options(page):
             assert set(re.findall(r"\s(--[a-z][\w-]*)", rest)) <= known | {"--help"}, line
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_a_name_in_the_package_on_a_page_is_there(page):
+    for name in re.findall(r"`(automos(?:\.\w+)+(?::\w+)?)", page.read_text()):
+        assert resolve_name(name.replace(":", ".")) is not None, name
+
+
 def anchors_of(page: Path) -> set[str]:
     """Return what a link may name behind `#`: headings as they are written in addresses, and names given to them."""
     found = set(re.findall(r'<a id="([\w-]+)">', page.read_text()))
@@ -85,7 +92,7 @@ def test_a_file_of_ours_that_a_page_or_a_docstring_names_is_there():
     ours = [f"/{file.relative_to(ROOT)}" for file in ROOT.rglob("*.py")]
     strays = []
     for text in [*PAGES, *(file for folder in ("src", "benchmarks") for file in (ROOT / folder).rglob("*.py"))]:
-        for name in re.findall(r"`((?:[\w-]+/)+[\w-]+\.py)`", text.read_text()):
+        for name in re.findall(r"`([\w/-]+\.py)`", text.read_text()):
             if name not in OF_OTHERS and not any(file.endswith(f"/{name}") for file in ours):
                 strays.append(f"{text.name}: {name}")
     assert strays == []

@@ -65,7 +65,7 @@ class ValidationSamples:
     """Windows evenly spread over several recordings, unchanged."""
 
     def __init__(self, recordings: list[LabelledRecording], settings: NetworkSettings):
-        self._shelf = Shelf(recordings, _CACHED_SCANS)
+        self._shelf = Shelf(recordings, _CACHED_SCANS // 10)
         self._settings = settings
         everything = [(r, i) for r, recording in enumerate(recordings) for i in range(len(recording))]
         n = min(settings.training.validation_scans, len(everything))

@@ -134,13 +134,24 @@ class KittiRawSequence(FolderSequence):
 
     @cached_property
     def _camera(self) -> tuple[Pose, npt.NDArray[np.float64], tuple[float, float]]:
+        return self.camera(2)
+
+    def camera(self, number: int) -> tuple[Pose, npt.NDArray[np.float64], tuple[float, float]]:
+        """Return T_rectified_sensor (4, 4), the (3, 4) projection from there to pixels, and the picture's size.
+
+        number : 2 of the left colour camera, 3 of the right one.
+        """
         day = self.source.resolve().parent
         path = day / "calib_cam_to_cam.txt"
         rows = read_calibration(path)
         T_rectified_camera = rigid(take(rows, path, "R_rect_00", size=9), path)
         T = T_rectified_camera @ _read_transform(day / "calib_velo_to_cam.txt")
-        width, height = take(rows, path, "S_rect_02", size=2)
-        return T, take(rows, path, "P_rect_02", size=12).reshape(3, 4), (float(width), float(height))
+        width, height = take(rows, path, f"S_rect_{number:02d}", size=2)
+        return T, take(rows, path, f"P_rect_{number:02d}", size=12).reshape(3, 4), (float(width), float(height))
+
+    def picture(self, number: int, index: int) -> Path:
+        """Return where the picture of camera `number` that belongs to scan `index` lies."""
+        return self.source / f"image_{number:02d}" / "data" / f"{self._names[index]}.png"
 
     @cached_property
     def _drawn(self) -> DrawnBoxes:

@@ -113,7 +113,7 @@ class ZippedSequence(Sequence):
 
 
 def _of_inside(name: str) -> property:
-    return property(lambda self: getattr(self._inside, name))
+    return property(lambda sequence: getattr(sequence._inside, name))
 
 
 for _name in ("names", "stamps", "about", "is_compensated", "reference_poses", "repeats", "warnings"):

@@ -81,10 +81,14 @@ class PointFiles:
         InputError
             Neither the label files nor the run's stages say so.
         """
-        tracks = tracks_of(self.folder, self.names[index], self.packed(index, n_points))
+        tracks = self.tracks_of_points(index, n_points)
         if tracks is None:
             raise self._silent("which object each point belongs to", "--set output.track_ids=true")
         return tracks
+
+    def tracks_of_points(self, index: int, n_points: int | None = None) -> npt.NDArray[np.int64] | None:
+        """Return what `instances` does, or None where nothing says so."""
+        return tracks_of(self.folder, self.names[index], self.packed(index, n_points))
 
     def confidence(self, index: int) -> npt.NDArray[np.float32]:
         """Return (N,) the probability in [0, 1] that each label of scan `index` is right, 0 where nothing was found.
