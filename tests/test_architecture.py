@@ -37,6 +37,7 @@ OPTIONAL = (
     "plotly",
     "pyarrow",
     "laspy",
+    "pye57",
     "lazrs",
     "ouster",
     "selenium",

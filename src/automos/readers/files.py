@@ -17,8 +17,7 @@ from automos.core.errors import InputError
 from automos.readers.codecs import CODEC_OF_SUFFIX, suffix_codec
 
 _SIDE_FILES = {"times.txt", "timestamps.txt", "poses.txt", "calib.txt", "readme.txt", "requirements.txt"}
-_TEXT = {".txt", ".csv", ".zip"}
-"""What may be anything: notes, tables, archives of pictures."""
+_TEXT = {".txt", ".csv", ".zip"}  # which may be anything
 
 _LONGEST_HEADER = 1 << 14
 """Bytes of a file that may be all header: longer ones hold points."""

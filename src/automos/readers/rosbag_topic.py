@@ -1,8 +1,4 @@
-"""ROS 1 bags, ROS 2 bags and MCAP files: the point clouds of one topic.
-
-The only such topic is taken; of several, one is named as if the bag were a folder: `log.mcap/front/points`. Scans are
-in the order in which they were recorded and stamped by their headers.
-"""
+"""ROS 1 bags, ROS 2 bags and MCAP files: the point clouds of one topic, the only one or the one that is named."""
 
 from __future__ import annotations
 
@@ -27,7 +23,7 @@ from automos.readers.columns import Columns, coordinates, time_column, to_scan
 from automos.readers.foreign import limited
 from automos.readers.listed import digest_of_files
 from automos.readers.packets.decode import Decoder, make_decoder
-from automos.readers.packets.messages import as_datagrams, begins_scan, read_packets
+from automos.readers.packets.messages import as_datagrams, read_packets, rows_of_scans
 from automos.readers.point_cloud2 import EMPTY, points_counted
 from automos.readers.point_times import judge_times
 from automos.readers.sensor_place import find_frame
@@ -123,9 +119,9 @@ class RosbagSequence(Sequence):
     def reference_poses(self) -> Pose | None:
         """(len, 4, 4) T_world_sensor by which clouds were taken out of a map's frame, or VBR's truth; None without."""
         T, told = self._T_frame_sensor, truth_beside(self.source.parent, self.name)
-        if T is None and told is not None:
-            return read_poses(told, len(self), self.stamps)
-        return None if T is None else inverse(T[0]) @ T
+        if T is None:
+            return None if told is None else read_poses(told, len(self), self.stamps)
+        return inverse(T[0]) @ T
 
     @property
     def warnings(self) -> list[str]:
@@ -169,13 +165,13 @@ class RosbagSequence(Sequence):
             return bag_messages.digest(self.bag.read(self.rows[index]), self.topic)
 
     def _columns(self, index: int) -> Columns:
+        where = f"{self._where()}, scan {index}"
         with _reported(self.source):
             if self.topic.kind in bag_messages.PACKETS:
                 packets = (packet for row in self._parts[self.rows[index].tobytes()] for packet in self._packets(row))
-                columns = self._decoder.columns(as_datagrams(packets, self._decoder.layout.size))
+                columns = self._decoder.columns(as_datagrams(packets, self._decoder.layout.size, where))
             else:
-                raw, where = self.bag.read(self.rows[index]), f"{self._where()}, scan {index}"
-                columns = bag_messages.read_message(raw, self.topic, where)
+                columns = bag_messages.read_message(self.bag.read(self.rows[index]), self.topic, where)
         if self._T_frame_sensor is None:
             return columns
         points = transform(inverse(self._T_frame_sensor[index]), coordinates(columns, self._where(index)))
@@ -191,16 +187,12 @@ class RosbagSequence(Sequence):
 
     def _group(self) -> None:
         """Keep of messages of packets those that begin a scan; others, of a packet each, belong to the one before."""
-        if self.topic.kind not in bag_messages.PACKETS:
-            return
-        self._every, is_ros2 = self.rows, self.topic.encoding == "cdr"
-        heads = (self.bag.read(row, bag_messages.head_size(self.topic)) for row in self.rows)
-        first = [i for i, raw in enumerate(heads) if begins_scan(raw, self.topic.kind, is_ros2)]
-        if not first:
-            raise InputError(f"{self._where()} does not say which packets begin a scan; record the points instead")
-        ends = [*first[1:], len(self.rows)]
-        self._parts = {self.rows[a].tobytes(): self.rows[a:b] for a, b in zip(first, ends, strict=True)}
-        self.rows = self.rows[first]
+        if self.topic.kind in bag_messages.PACKETS:
+            self._every, most = self.rows, bag_messages.head_size(self.topic)
+            heads = (self.bag.read(row, most) for row in self.rows)
+            groups = rows_of_scans(self.rows, heads, self.topic.kind, self.topic.encoding == "cdr", str(self._where()))
+            self._parts = {group[0].tobytes(): group for group in groups}
+            self.rows = np.stack([group[0] for group in groups])
 
     # -------------------------------------------------------------------------------------------- time and place
     def _put_in_order(self, stamps: npt.NDArray[np.float64]) -> list[str]:

@@ -92,6 +92,8 @@ def test_the_sensors_own_table_of_angles_is_obeyed_and_another_refused(tmp_path)
     scan = sequence[0]
     steep = np.degrees(np.arctan2(scan.points[:, 2], np.hypot(*scan.points[:, :2].T)))
     np.testing.assert_allclose(steep, 5 + scan.ring.astype(float), atol=1e-3)
+    (tmp_path / "drive.csv").write_text("time,latitude,longitude\n1,2,3\n")  # of something else
+    assert "drive.csv" in open_sequence(path).warnings[0]
     (tmp_path / "drive.csv").write_text("Channel,Elevation,Azimuth\n1,2,3\n")
     with pytest.raises(InputError, match=r"drive.csv has 1 rows of angles, and the sensor 16 beams"):
         open_sequence(path)

@@ -38,8 +38,8 @@ def beams_of(layout: Layout, packets: Iterable[bytes], source: Path) -> Beams:
         Nothing tells them; or the file is of another sensor, or no table of angles.
     """
     nominal = read_json(Path(__file__).with_name("beams.json")).get(layout.sensor)
-    beside = source.with_name(f"{source.name.removesuffix('+').split('.')[0]}.csv")
-    if is_there(beside):
+    beside = table_beside(source)
+    if is_there(beside) and "elevation" in read_text(beside)[:200].lower():
         return _from_table(beside, len(nominal["elevation"]) if nominal else 32)
     told = next((packet for packet in packets if packet.startswith(TOLD) and len(packet) == layout.size), None)
     if told is not None and layout.sensor == "RS-LiDAR-16":
@@ -58,6 +58,11 @@ def beams_of(layout: Layout, packets: Iterable[bytes], source: Path) -> Beams:
         f"of a degree; save this one's calibration (Channel,Elevation,Azimuth) as {beside.name}."
     )
     return Beams(np.array(nominal["elevation"], float), np.array(nominal["azimuth"], float), (said,))
+
+
+def table_beside(source: Path) -> Path:
+    """Return where the table of angles of the sensor that recorded `source` may be: NAME.csv."""
+    return source.with_name(f"{source.name}.csv") if source.is_dir() else source.with_suffix(".csv")
 
 
 def _from_table(path: Path, n_beams: int) -> Beams:

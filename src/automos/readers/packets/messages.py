@@ -6,6 +6,7 @@ import struct
 from collections.abc import Iterable
 
 import numpy as np
+import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.readers.packets.pcap import Datagrams
@@ -25,10 +26,24 @@ _SINGLE = "rslidar_msg/msg/RslidarPacket"
 TYPES = (*_SCANS, _SINGLE)
 
 
-def begins_scan(raw: bytes, kind: str, is_ros2: bool) -> bool:
-    """Return whether a message begins a scan: of a single packet, whether its driver says so; any other does."""
-    end = _header_text_end(raw, is_ros2)
-    return kind != _SINGLE or raw[end : end + 2] == b"\0\1"  # of points, and the first
+def rows_of_scans(
+    rows: npt.NDArray[np.int64], heads: Iterable[bytes], kind: str, is_ros2: bool, where: str
+) -> list[npt.NDArray[np.int64]]:
+    """Return the rows (N, 4) of messages, whose beginnings are `heads`, cut into those of a scan each.
+
+    A message is a scan unless it holds a single packet; of these, the driver says which is the first.
+
+    Raises
+    ------
+    InputError
+        It says so of none; `where` is what they are of.
+    """
+    if kind != _SINGLE:
+        return [row[None] for row in rows]
+    is_first = [raw[(end := _header_text_end(raw, is_ros2)) : end + 2] == b"\0\1" for raw in heads]
+    if not any(is_first):
+        raise InputError(f"{where} does not say which packets begin a scan; record the points instead")
+    return np.split(rows, np.flatnonzero(is_first))[1:]
 
 
 def _header_text_end(raw: bytes, is_ros2: bool) -> int:
@@ -77,9 +92,17 @@ def read_packets(raw: bytes, kind: str, is_ros2: bool, where: str) -> list[tuple
     return found
 
 
-def as_datagrams(packets: Iterable[tuple[float, bytes]], size: int) -> Datagrams:
-    """Return those packets that have `size` bytes: others tell what the sensor is, or how it is."""
+def as_datagrams(packets: Iterable[tuple[float, bytes]], size: int, where: str) -> Datagrams:
+    """Return those packets that have `size` bytes: others tell what the sensor is, or how it is.
+
+    Raises
+    ------
+    InputError
+        There are none; `where` is what they are of.
+    """
     kept = [(seconds, packet) for seconds, packet in packets if len(packet) == size]
+    if not kept:
+        raise InputError(f"{where} holds no packets of points as those before it do; record or export it again")
     payloads = np.frombuffer(b"".join(packet for _, packet in kept), np.uint8).reshape(-1, size)
     none = np.zeros(len(kept), np.int64)
     return Datagrams(none, payloads, np.array([seconds for seconds, _ in kept]), none)

@@ -15,10 +15,11 @@ from typing import Any
 import numpy as np
 
 from automos.core.errors import InputError
+from automos.core.reading import is_there
 from automos.core.scan import Scan
 from automos.readers.foreign import limited
 from automos.readers.listed import require_increasing
-from automos.readers.packets.beams import TOLD
+from automos.readers.packets.beams import TOLD, table_beside
 from automos.readers.packets.decode import Decoder, make_decoder, to_scan
 from automos.readers.packets.lvx import SUFFIXES, LvxFile
 from automos.readers.packets.pcap import CAPTURES, Capture, Datagrams, join, open_capture, sender_name
@@ -89,6 +90,9 @@ class PacketSequence(SensorSequence):
     def warnings(self) -> list[str]:
         """What is assumed of the sensor's beams."""
         return list(self._decoder.warnings)
+
+    def _files(self) -> list[Path]:
+        return [self.source, *filter(is_there, [table_beside(self.source)])]
 
     def __getstate__(self) -> dict[str, Any]:
         return {key: value for key, value in self.__dict__.items() if key not in ("_file", "_decoder")}
