@@ -34,7 +34,7 @@ def test_what_is_a_constant_now_is_told_in_one_sentence(earlier, caplog):
         load_settings("default", earlier)
     (record,) = caplog.records
     assert record.getMessage().endswith(
-        "settings.yaml: odometry.convergence and 5 more are left out: they are constants now, not settings"
+        "settings.yaml: odometry.voxel and 5 more are left out: they are constants now, not settings"
     )
 
 
