@@ -105,8 +105,10 @@ def at_likely_speed(
     at_rest = window.T_world_sensor.copy()
     at_rest[n_known:, :3, 3] = at_rest[n_known - 1, :3, 3]
     found, search = _at_likely_speed(window, settings, pool, n_known)
-    other, there = _at_likely_speed(window.moved(at_rest), settings, pool, n_known)
-    return (other, there) if there.landmarks.explains_more_than(search.landmarks) else (found, search)
+    still = window.moved(at_rest)
+    other, there = _at_likely_speed(still, settings, pool, n_known)
+    is_ahead_from_rest = other is not still and there.landmarks.explains_more_than(search.landmarks)
+    return (other, there) if is_ahead_from_rest else (found, search)  # at rest, rings lie on rings
 
 
 def _at_likely_speed(
