@@ -50,7 +50,6 @@ JUDGE, PAIRS = "automos.objects.judge", "automos.objects.association"
 BODY = "automos.evidence.ego_body"
 CHOICES: dict[str, dict[str, Any]] = {
     "everything": {},
-    "poses not refined": {"odometry.refine": False},
     "evidence of 1 s only": {"candidates.free_space.spans": [0.2, 0.4, 0.6, 0.8, 1.0],
                              "automos.evidence.free_space:FIRST_SPANS": (0.6, 1.0)},
     "a lone point seen through counts in full": {"candidates.free_space.lone_weight": 1.0},
@@ -87,7 +86,7 @@ CHOICES: dict[str, dict[str, Any]] = {
 
 
 OTHER_METHODS = (
-    *("poses not refined", "ERASOR instead of free space", "HDBSCAN instead of components"),
+    *("ERASOR instead of free space", "HDBSCAN instead of components"),
     "the paper's tracker and verdict",
 )
 """Choices of whole methods, not of a rule or a term."""
@@ -115,7 +114,7 @@ def _nothing_refound(window: Any, overhead: Any, pool: Any) -> npt.NDArray:
 
 REFINE, GAPS = "automos.odometry.refine", "automos.odometry.missing_scans"
 ODOMETRY: dict[str, dict[str, Any]] = {
-    "starts at other speeds": {"automos.odometry.kiss:_find_start": lambda rest, *others: rest},
+    "starts at other speeds": {"automos.odometry.path:FIRST_STEPS": np.zeros((1, 6))},
     "a search for the speed": {f"{REFINE}:SPEED_ROUNDS": 1, f"{REFINE}:lengthen": lambda T, longer: T},
     "a search where the sensor seems to stand": {f"{REFINE}:search_speed": _without_direction},
     "the rival that landmarks propose": {f"{REFINE}:is_ahead": lambda *evidence: False},
@@ -123,7 +122,7 @@ ODOMETRY: dict[str, dict[str, Any]] = {
         "automos.odometry.facing:count_met_again": lambda *met: 0.0,
         f"{GAPS}:count_met_again": lambda *met: 0.0,
     },
-    "missing scans counted": {f"{REFINE}:count_missing": _none_missing},
+    "missing scans counted": {"automos.odometry.settling:count_missing": _none_missing},
     "missing scans counted by what faces along the path": {f"{GAPS}:refound_after": _nothing_refound},
     "missing scans counted at the speed that is searched first": {f"{GAPS}:to_likely_speed": _as_registered},
 }

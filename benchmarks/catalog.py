@@ -340,9 +340,7 @@ BENCHMARKS = {
         "code of ours beside libraries",
         "5 min",
         "libraries:part",
-        sweep=tuple(
-            {"job": name} for name in ("files", "images", "pool", "trajectory", "clusters", "registration", "packages")
-        ),
+        sweep=tuple({"job": name} for name in ("files", "images", "pool", "trajectory", "clusters", "packages")),
         quick_sweep=({"job": "files"},),
         leaves_out="a first call",
         is_timed=True,

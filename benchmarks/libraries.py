@@ -257,30 +257,6 @@ def clusters() -> dict[str, dict]:
     }
 
 
-def registration() -> dict[str, dict]:
-    """Return milliseconds to register a scan on the map of the one before, and how far the two poses are apart."""
-    from kiss_icp.mapping import VoxelHashMap
-    from kiss_icp.registration import Registration
-
-    from automos.core.voxels import rows_of_first_in_voxel
-    from automos.odometry.registration import LocalMap, align
-    from automos.simulation import simulate
-
-    first, second = (scan.points for scan in simulate("city", "HDL-64E", n_scans=2, compensated=True))
-    source, guess = second[rows_of_first_in_voxel(second, 1.5)], np.eye(4)
-    ours, theirs = LocalMap(1.0, 20, 100.0), VoxelHashMap(1.0, 100.0, 20)
-    ours.add(first.astype(np.float64), np.zeros(3))
-    theirs.add_points(first.astype(np.float64))
-    authors = Registration(500, 1e-4, 1)
-    calls = {
-        "ours": lambda: align(source, guess, ours, 0.5),
-        "kiss-icp": lambda: authors.align_points_to_map(source.astype(np.float64), theirs, guess, 1.5, 0.5),
-    }
-    poses = [call() for call in calls.values()]
-    apart = float(np.abs(poses[0] - poses[1]).max())
-    return {name: {"points": len(source), "ms": best_ms(call), "apart": apart} for name, call in calls.items()}
-
-
 def packages() -> dict[str, dict]:
     """Return version, licence and megabytes of each library, and of all it needs beyond what AutoMOS needs."""
     base = _needs("automos-lidar", set())
@@ -317,7 +293,7 @@ def _megabytes(name: str) -> float:
     return round(sum(sizes) / 1e6, 1)
 
 
-PARTS = (files, images, pool, trajectory, clusters, registration, packages)
+PARTS = (files, images, pool, trajectory, clusters, packages)
 
 
 def part(store: Path, job: str) -> dict[str, Any]:

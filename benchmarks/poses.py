@@ -30,7 +30,7 @@ SAYS_SO = re.compile(r"trust|\bposes?\b", re.IGNORECASE)
 
 
 def drift(recording: str, store: Path, method: str = "default", change: str = "") -> dict[str, Any]:
-    """Return errors in percent of the distance driven meanwhile, walls and seconds, registered and refined.
+    """Return errors in percent of the distance driven meanwhile, walls and seconds.
 
     Stretches start at every scan; one on which the vehicle came less than a metre has none. Wall thickness is what
     surfaces seen a second apart measure across: it needs no reference, and tells how good the reference itself is.
@@ -40,15 +40,14 @@ def drift(recording: str, store: Path, method: str = "default", change: str = ""
     with opened(recording, store) as made, changed(constants):
         sequence, reference = made.sequence, made.sequence.reference_poses
         row: dict[str, Any] = {"scans": len(sequence), "walls_reference_m": _walls(sequence, settings, reference)}
-        for name, refine in (("before", False), ("after", True)):
-            wall, cpu = time.perf_counter(), time.process_time()
-            found = estimate_trajectory(sequence, settings.model_copy(update={"refine": refine}))
-            seconds = {"wall": time.perf_counter() - wall, "cpu": time.process_time() - cpu}
-            row[name] = {
-                **_errors(found, reference),
-                "walls_m": _walls(sequence, settings, found.T_world_sensor),
-                **{f"{clock}_seconds_per_scan": value / len(sequence) for clock, value in seconds.items()},
-            }
+        wall, cpu = time.perf_counter(), time.process_time()
+        found = estimate_trajectory(sequence, settings)
+        seconds = {"wall": time.perf_counter() - wall, "cpu": time.process_time() - cpu}
+        row |= {
+            **_errors(found, reference),
+            "walls_m": found.diagnostics["wall_thickness_m"],
+            **{f"{clock}_seconds_per_scan": value / len(sequence) for clock, value in seconds.items()},
+        }
     return row
 
 

@@ -274,14 +274,12 @@ def trust(rows: list[Row]) -> Lines:
 
 
 def drift(rows: list[Row]) -> Lines:
-    """Return errors of the odometry in percent, before and after refinement, and how thick walls come out."""
-    lines = [["recording", "10 m, registered", "10 m, refined", "5 s, refined", "walls, cm"]]
+    """Return errors of the odometry in percent, and how thick walls come out."""
+    lines = [["recording", "10 m", "5 s", "walls, cm"]]
     for row in rows:
-        before, after = row["before"], row["after"]
-        walls = [before["walls_m"], after["walls_m"], row["walls_reference_m"]]
+        walls = [row["walls_m"], row["walls_reference_m"]]
         thick = " / ".join("-" if metres is None else f"{100 * metres:.1f}" for metres in walls)
-        errors = [_errors(before["10 m"]), *(_errors(after[over]) for over in ("10 m", "5 s"))]
-        lines.append([row["recording"], *errors, thick])
+        lines.append([row["recording"], *(_errors(row[over]) for over in ("10 m", "5 s")), thick])
     return lines
 
 

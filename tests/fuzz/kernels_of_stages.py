@@ -27,7 +27,7 @@ from automos.objects.paper import hierarchy
 from automos.objects.segments import segment_points
 from automos.objects.states import state_probabilities
 from automos.objects.tracks import Tracks, observed
-from automos.odometry import drifting_seam, facing, point_order, registration, submap
+from automos.odometry import drifting_seam, facing, point_order, submap
 from automos.odometry import vertical as level
 from automos.odometry.compensation import compensate
 from automos.odometry.motion import usable_points
@@ -139,9 +139,6 @@ def _odometry(points: np.ndarray) -> None:
     covariances.across(matrix, along, out[0], out[1])
     hostile_T = np.eye(4)
     hostile_T[:3] = np.resize(points, (3, 4))
-    icp = registration.Icp(registration.LocalMap(1.0, 20, 100.0), 0.5)
-    for T in (np.eye(4), np.eye(4), hostile_T):
-        icp.register(points, T)
     covariance, axes = np.resize(points, 6).astype(np.float64), np.zeros((3, 3))
     covariances.eigenvector(covariance, covariances.eigenvalues(covariance)[0], axes[0])
     covariances.across(covariance, np.array([0.6, 0.0, 0.8]), axes[1], axes[2])

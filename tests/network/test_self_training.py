@@ -14,7 +14,7 @@ def world():
 
 
 def with_cue(folder, weight: float):
-    overrides = {"self_training.folder": str(folder), "self_training.weight": weight, "odometry.refine": False}
+    overrides = {"self_training.folder": str(folder), "self_training.weight": weight}
     return load_settings("default", overrides=overrides)
 
 
@@ -30,7 +30,7 @@ def test_a_network_that_knows_helps_and_one_that_does_not_changes_nothing(world,
     for name, truth in zip(world.sequence.names, world.truth, strict=True):
         np.save(knows / f"{name}.npy", (truth == Label.MOVING).astype(np.float16))
         np.save(does_not / f"{name}.npy", np.full(len(truth), 0.5, np.float16))
-    alone = labels_of(world, load_settings("default", overrides={"odometry.refine": False}))
+    alone = labels_of(world, load_settings("default"))
     unsure = labels_of(world, with_cue(does_not, 1.0))
     assert all(np.array_equal(a, b) for a, b in zip(alone, unsure, strict=True))
     helped = labels_of(world, with_cue(knows, 2.0))

@@ -8,9 +8,9 @@ from automos.core.array_sequence import ArraySequence
 from automos.odometry.beam_offset import SCANS, find_elevation, longest_path
 from automos.odometry.elevation import raised, raised_scan
 from automos.odometry.estimate import estimate_trajectory
-from automos.odometry.links import Window
 from automos.odometry.surfels import surfels_of
 from automos.odometry.trajectory import Trajectory, make_frame
+from automos.odometry.window import Window
 from automos.settings import OdometrySettings
 
 # a few streets: estimates are good to 0.05 degrees
@@ -64,7 +64,7 @@ def test_the_scans_of_the_longest_path_are_compared():
 def test_poses_frames_and_figures_take_the_beams_as_they_are(drive):
     sequence, truth = drive
     given = ArraySequence([raised_scan(scan, -np.radians(0.3)) for scan in sequence], stamps=0.1 * np.arange(N))
-    found = estimate_trajectory(given, OdometrySettings(time="none", voxel=0.5), poses=truth)
+    found = estimate_trajectory(given, OdometrySettings(time="none"), poses=truth)
     assert found.diagnostics["beams_raised_deg"] == pytest.approx(0.3, abs=0.06)
     assert found.elevation == pytest.approx(np.radians(0.3), abs=1e-3)
     again = Trajectory.from_arrays(found.to_arrays())

@@ -1,3 +1,6 @@
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from raw_worlds import TOWN, curve, sweep, true_poses, untimed, worst_distance
@@ -6,18 +9,16 @@ from worlds import SCAN_GAP
 from automos.core.array_sequence import ArraySequence
 from automos.core.errors import InputError
 from automos.core.scan import Scan
-from automos.odometry import estimate
 from automos.odometry.doubts import doubts
-from automos.odometry.estimate import estimate_trajectory
-from automos.odometry.sweep_timing import SweepTiming
-from automos.odometry.timing import TimingChoice
+from automos.odometry.estimate import Followed, estimate_trajectory
+from automos.odometry.estimator import Odometry
 from automos.settings import OdometrySettings
 
 N = 20
 POSE = curve(7.0, 0.3)
 TRUTH = true_poses(POSE, N)
 EMPTY = Scan(np.zeros((0, 3), np.float32))
-REFINED = OdometrySettings(time="file", voxel=0.5)  # the town is small
+REFINED = OdometrySettings(time="file")
 
 
 @pytest.fixture(scope="module")
@@ -45,30 +46,24 @@ def test_the_same_recording_gives_the_same_trajectory_whatever_the_threads(scans
     np.testing.assert_array_equal(one.T_level_world, two.T_level_world)
 
 
-def test_timing_that_a_mistaken_standstill_hid_is_chosen_again_from_the_poses(scans, monkeypatch):
-    chosen, choose = [], estimate.choose_timing
-
-    def blind_at_first(sequence, settings, poses, clock, *shared):
-        chosen.append(
-            TimingChoice(SweepTiming()) if poses is None else choose(sequence, settings, poses, clock, *shared)
-        )
-        return chosen[-1]
-
-    monkeypatch.setattr(estimate, "choose_timing", blind_at_first)
-    raw = sequence_of([untimed(s) for s in scans])
-    trajectory = estimate_trajectory(raw, OdometrySettings())
-    assert [choice.timing.source for choice in chosen] == ["none", "order"]
-    assert trajectory.timing == chosen[1].timing
-    assert worst_distance(trajectory.T_world_sensor, TRUTH) < 0.04
-
-
-@pytest.mark.parametrize("refine", [False, True])
 @pytest.mark.parametrize("n", [1, 2, 4])
-def test_short_recordings_have_trajectories(scans, n, refine):
-    trajectory = estimate_trajectory(sequence_of(scans[:n]), REFINED.model_copy(update={"refine": refine}))
+def test_short_recordings_have_trajectories(scans, n):
+    trajectory = estimate_trajectory(sequence_of(scans[:n]), REFINED)
     assert len(trajectory) == n
     assert worst_distance(trajectory.T_world_sensor, TRUTH[:n]) < 0.25
     assert np.isfinite(trajectory.sweep_motion).all()
+
+
+def test_a_lag_longer_than_the_recording_gives_its_poses_to_the_last_bit(scans):
+    sequence, settings = sequence_of([untimed(s) for s in scans]), OdometrySettings()
+    whole, so_far = estimate_trajectory(sequence, settings), Followed()
+    with ThreadPoolExecutor(2) as pool:
+        odometry = Odometry(settings, pool, lag=60.0)
+        for scan, stamp in zip(sequence, sequence.stamps, strict=True):
+            so_far.add(odometry.push(replace(scan, stamp=float(stamp))))
+        so_far.add(odometry.finish())
+    np.testing.assert_array_equal(np.array(list(so_far.poses.values())), whole.T_world_sensor)
+    assert odometry.path.timing == whole.timing
 
 
 def test_empty_scans_are_bridged_and_said(scans):

@@ -9,9 +9,9 @@ from worlds import Block, record
 
 from automos.odometry.estimate import estimate_trajectory
 from automos.odometry.isolated import count_met_again, isolated_points
-from automos.odometry.links import Window
 from automos.odometry.speed import search_speed
 from automos.odometry.surfels import surfels_of
+from automos.odometry.window import Window
 from automos.settings import OdometrySettings
 from automos.simulation import simulate
 

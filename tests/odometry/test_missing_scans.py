@@ -3,10 +3,10 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from automos.odometry.links import Window
 from automos.odometry.missing_scans import TRIED, count_missing, find_missing, refound_after, with_gaps
 from automos.odometry.motion import chain
 from automos.odometry.surfels import surfels_of
+from automos.odometry.window import Window
 from automos.settings import OdometrySettings
 
 STEP = 1.1

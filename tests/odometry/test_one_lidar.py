@@ -44,7 +44,8 @@ def test_the_lidar_with_most_points_is_a_recording_of_its_own():
 def test_merged_clouds_with_known_mounts_have_the_timing_of_their_lidars():
     one, two = (record("avenue", "VLP-16", 20, 0, n_lidars=n) for n in (1, 2))
     found = [
-        choose_timing(drive, OdometrySettings(time="order"), None, read_clock(drive)).timing for drive in (one, two)
+        choose_timing(drive, OdometrySettings(time="order"), drive.reference_poses, read_clock(drive)).timing
+        for drive in (one, two)
     ]
     assert found[0].turn == found[1].turn
     assert found[1].source == "order"
@@ -55,7 +56,7 @@ def test_the_first_scan_and_missing_returns_do_not_decide_which_lidar_has_most_p
     sensor = np.array([0] * 6 + [1] * 2, np.uint8)
     scans = [Scan(np.vstack([missing, hit]), sensor=sensor, T_scan_sensor=MOUNTS) for _ in range(3)]
     scans[0] = Scan(np.zeros((0, 3)), sensor=np.zeros(0, np.uint8), T_scan_sensor=MOUNTS)
-    one, _ = with_one_lidar(ArraySequence(scans), None)
+    one, _ = with_one_lidar(ArraySequence(scans), np.tile(np.eye(4), (3, 1, 1)))
     assert [len(scan) for scan in one] == [0, 2, 2]
 
 
@@ -64,7 +65,9 @@ def test_times_in_the_file_last_as_long_as_those_of_all_lidars():
     times = np.array([0.0, 0.05, 0.1, 0.04, 0.14], np.float32)  # the second one begins later
     scans = [Scan(points, time=times, sensor=sensor, T_scan_sensor=MOUNTS)] * 3
     drive = ArraySequence(scans, stamps=0.1 * np.arange(3))
-    timing = choose_timing(drive, OdometrySettings(time="file"), None, read_clock(drive)).timing
+    timing = choose_timing(
+        drive, OdometrySettings(time="file"), np.tile(np.eye(4), (3, 1, 1)), read_clock(drive)
+    ).timing
     assert (timing.duration, timing.share) == (pytest.approx(0.14), pytest.approx(1.4))
 
 

@@ -7,10 +7,11 @@ from raw_worlds import curve as curve_of
 from worlds import record, van
 
 from automos.core.geometry import se3_exp
-from automos.odometry.links import Alignment, Window, choose_links, fit_links
+from automos.odometry.links import Alignment, Links, consistency_of
 from automos.odometry.motion import chain
 from automos.odometry.refine import refine_poses
 from automos.odometry.surfels import surfels_of
+from automos.odometry.window import Window
 from automos.settings import OdometrySettings
 
 SETTINGS = OdometrySettings()
@@ -43,8 +44,10 @@ def test_shaken_poses_come_back_to_within_two_centimetres(town):
     start = shaken(truth)
     assert worst_distance(start, truth) > 0.15
     window, about = window_at(surfels, start), Alignment()
-    refined, after = refine_poses(window, SETTINGS, about)
-    before = fit_links(window, list(choose_links(window, about)), about.kernels[0], about, None)[1]
+    refined, after = refine_poses(window, SETTINGS, Links(about))
+    links = Links(about)
+    chosen = links.choose(window)
+    before = consistency_of(window, chosen, links.fit(window, chosen, about.kernels[0]))
     assert worst_distance(refined.T_world_sensor, truth) < 0.02
     assert np.median(after.disagreement) < 0.2 * np.median(before.disagreement)
     assert np.median(after.thickness) < np.median(before.thickness)
@@ -52,14 +55,14 @@ def test_shaken_poses_come_back_to_within_two_centimetres(town):
 
 def test_right_poses_stay(town):
     surfels, truth = town
-    refined, _ = refine_poses(window_at(surfels, truth), SETTINGS, Alignment())
+    refined, _ = refine_poses(window_at(surfels, truth), SETTINGS, Links(Alignment()))
     assert worst_distance(refined.T_world_sensor, truth) < 0.02
 
 
 def test_fixed_scans_stay_to_the_micrometre_while_others_move(town):
     surfels, truth = town
     start = shaken(truth)
-    refined, _ = refine_poses(window_at(surfels, start), SETTINGS, Alignment(), n_fixed=10)
+    refined, _ = refine_poses(window_at(surfels, start), SETTINGS, Links(Alignment()), n_fixed=10)
     moved = np.linalg.norm(refined.T_world_sensor[:, :3, 3] - start[:, :3, 3], axis=1)
     assert moved[:10].max() < 1e-6
     assert moved[10:].max() > 0.01
@@ -67,9 +70,9 @@ def test_fixed_scans_stay_to_the_micrometre_while_others_move(town):
 
 def test_the_result_does_not_depend_on_the_threads(town):
     surfels, truth = town
-    alone, _ = refine_poses(window_at(surfels, shaken(truth)), SETTINGS, Alignment())
+    alone, _ = refine_poses(window_at(surfels, shaken(truth)), SETTINGS, Links(Alignment()))
     with ThreadPoolExecutor(3) as pool:
-        shared, _ = refine_poses(window_at(surfels, shaken(truth)), SETTINGS, Alignment(), pool)
+        shared, _ = refine_poses(window_at(surfels, shaken(truth)), SETTINGS, Links(Alignment(), pool))
     np.testing.assert_array_equal(alone.T_world_sensor, shared.T_world_sensor)
 
 
@@ -77,13 +80,13 @@ def test_scans_without_points_are_bridged_by_even_motion(town):
     surfels, truth = town
     nothing = surfels[0][:0]
     holed = [nothing if i in (12, 13, 14) else s for i, s in enumerate(surfels)]
-    refined, _ = refine_poses(window_at(holed, shaken(truth)), SETTINGS, Alignment())
+    refined, _ = refine_poses(window_at(holed, shaken(truth)), SETTINGS, Links(Alignment()))
     assert worst_distance(refined.T_world_sensor, truth) < 0.04
 
 
 def test_where_nothing_is_seen_poses_stay(town):
     surfels, truth = town
-    refined, found = refine_poses(window_at([surfels[0][:0]] * 4, truth[:4]), SETTINGS, Alignment())
+    refined, found = refine_poses(window_at([surfels[0][:0]] * 4, truth[:4]), SETTINGS, Links(Alignment()))
     assert len(found.lag) == 0
     assert worst_distance(refined.T_world_sensor, truth[:4]) < 0.02
 
@@ -91,5 +94,5 @@ def test_where_nothing_is_seen_poses_stay(town):
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_the_shortest_recordings_are_refined_too(town, n):
     surfels, truth = town
-    refined, _ = refine_poses(window_at(surfels[:n], truth[:n]), SETTINGS, Alignment())
+    refined, _ = refine_poses(window_at(surfels[:n], truth[:n]), SETTINGS, Links(Alignment()))
     assert worst_distance(refined.T_world_sensor, truth[:n]) < 0.03

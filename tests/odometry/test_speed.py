@@ -3,13 +3,13 @@ import pytest
 from raw_worlds import CANYON, curve, true_poses, worst_distance
 from worlds import Block, record, van
 
-from automos.odometry.clock import Clock
 from automos.odometry.facing import NEAR_SHARE, NEAR_VIEW, expected_share, is_stationary, score_distances, score_speeds
-from automos.odometry.links import Alignment, Window
-from automos.odometry.refine import RollingRefinement, refine_poses
+from automos.odometry.links import Alignment, Links
+from automos.odometry.refine import at_likely_speed, refine_poses
 from automos.odometry.speed import Landmarks, SpeedSearch, is_ahead, lengthen, search_speed, speed_figures
 from automos.odometry.submap import make_submap
 from automos.odometry.surfels import surfels_of
+from automos.odometry.window import Window
 from automos.settings import OdometrySettings
 
 SETTINGS = OdometrySettings()
@@ -43,14 +43,14 @@ def test_steps_too_short_are_found_by_what_faces_along_the_street(canyon, ratio)
     missing = search_speed(window, SETTINGS).missing
     np.testing.assert_allclose(missing[:, 0], (1.0 - ratio) * 0.1 * SPEED, atol=0.04)
     np.testing.assert_allclose(missing[:, 1:], 0.0, atol=0.01)
-    refined, _ = refine_poses(window.moved(lengthen(window.T_world_sensor, missing)), SETTINGS, Alignment())
+    refined, _ = refine_poses(window.moved(lengthen(window.T_world_sensor, missing)), SETTINGS, Links(Alignment()))
     assert worst_distance(refined.T_world_sensor, truth) < 0.005 * SPEED * 0.1 * N  # half a per cent
 
 
 def test_without_it_refinement_keeps_step_with_the_traffic(canyon):
     world, truth = canyon
     window = window_of(world, shortened(truth, 0.3))
-    refined, _ = refine_poses(window, SETTINGS, Alignment())
+    refined, _ = refine_poses(window, SETTINGS, Links(Alignment()))
     assert worst_distance(refined.T_world_sensor, truth) > 5.0
 
 
@@ -184,10 +184,7 @@ def test_where_nearly_all_that_is_seen_keeps_step_signs_overhead_tell_the_speed(
     assert not search.missing.any()  # all together, the traffic wins
     assert search.landmarks_at_rival.explains_more_than(search.landmarks)
 
-    clock = Clock(0.1 * np.arange(N), 0.1, np.ones(N - 1), has_stamps=True)
-    refinement = RollingRefinement(clock, 0.0, settings)
-    for surfels in window.surfels:
-        refinement.add(surfels, np.zeros(6), np.eye(4), 1.0)
-    poses, _ = refinement.finish()
+    found, search = at_likely_speed(window, settings, None)
+    poses = found.T_world_sensor
     assert worst_distance(poses, true_poses(pose, N)) < 0.02 * SPEED * 0.1 * N
-    assert not speed_figures(refinement.searches)["is_speed_doubted"]
+    assert not speed_figures([search])["is_speed_doubted"]

@@ -1,3 +1,5 @@
+from functools import partial
+
 import numpy as np
 import pytest
 from raw_worlds import TOWN, curve, cut_anew, rosette, sweep, untimed
@@ -8,6 +10,9 @@ from automos.core.errors import InputError
 from automos.core.scan import Scan
 from automos.odometry import moving_windows, timing
 from automos.odometry.clock import read_clock
+from automos.odometry.followed import TimedScan
+from automos.odometry.path import Path
+from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.timing import choose_timing
 from automos.settings import OdometrySettings
 from automos.simulation import Conditions, Convention
@@ -17,8 +22,17 @@ N = 18
 POSE = curve(8.0, 0.5)
 
 
-def choose(sequence, poses=None, **settings):
-    return choose_timing(sequence, OdometrySettings(**{"voxel": 0.5, **settings}), poses, read_clock(sequence)).timing
+def choice_of(sequence, **settings):
+    """Return the choice at the poses of the scans as measured."""
+    clock, path = read_clock(sequence), Path(OdometrySettings(), SweepTiming(), lag=60.0)
+    for i, gap in enumerate([0.0, *clock.gaps]):
+        path.push(TimedScan(partial(sequence.__getitem__, i), clock.stamps[i], gap, clock.period))
+    path.finish()
+    return choose_timing(sequence, OdometrySettings(**settings), path.window.T_world_sensor, clock)
+
+
+def choose(sequence, **settings):
+    return choice_of(sequence, **settings).timing
 
 
 def raw(turn, seam_deg, arrange=lambda points, i: points):
@@ -66,7 +80,7 @@ def test_streams_cut_by_time_are_timed_by_the_order_of_their_points(turns, pose)
 def test_recorded_times_of_streams_cut_by_time_are_believed_by_far(turns):
     sweeps = [sweep(TOWN, curve(12.0, 0.0), SCAN_GAP * i, n_beams=40) for i in range(N + 2)]
     scans = ArraySequence(cut_anew(sweeps, turns))
-    choice = choose_timing(scans, OdometrySettings(voxel=0.5), None, read_clock(scans))
+    choice = choice_of(scans)
     assert choice.timing.source == "file"
     assert choice.to_dict()["worse_percent"]["none (compensated already, or unknown)"] > 50.0
 
@@ -77,7 +91,7 @@ def test_a_sector_that_is_missing_and_wanders_tells_the_times_of_shuffled_points
 
 
 def test_what_was_tried_and_by_how_much_it_lost_is_said():
-    choice = choose_timing(raw(-1, 180.0), OdometrySettings(voxel=0.5), None, read_clock(raw(-1, 180.0)))
+    choice = choice_of(raw(-1, 180.0))
     said = choice.to_dict()
     assert said["chosen"] == "order of the points (clockwise, 1.00 turns a scan)"
     assert said["worse_percent"]["none (compensated already, or unknown)"] > 3.0

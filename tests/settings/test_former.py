@@ -26,7 +26,7 @@ def earlier(tmp_path):
 
 def test_a_file_of_an_earlier_version_still_says_what_can_be_said(earlier):
     odometry = load_settings("default", earlier).odometry
-    assert (odometry.voxel, odometry.max_speed, odometry.loops.min_distance) == (0.7, 30.0, 70.0)
+    assert (odometry.max_speed, odometry.loops.min_distance) == (30.0, 70.0)
 
 
 def test_what_is_a_constant_now_is_told_in_one_sentence(earlier, caplog):
@@ -34,7 +34,7 @@ def test_what_is_a_constant_now_is_told_in_one_sentence(earlier, caplog):
         load_settings("default", earlier)
     (record,) = caplog.records
     assert record.getMessage().endswith(
-        "settings.yaml: odometry.convergence and 4 more are left out: they are constants now, not settings"
+        "settings.yaml: odometry.voxel and 5 more are left out: they are constants now, not settings"
     )
 
 

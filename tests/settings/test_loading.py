@@ -112,7 +112,7 @@ def test_an_unknown_group_names_the_nearest_group():
         ("instances.hdbscan.epsilons", [1.0, 0.0], ""),
         ("instances.hdbscan.epsilons", [], ""),
         ("candidates.ground", {"cell": 0.001}, "max_range is at most 2000 cells"),
-        ("odometry.voxel", True, "it is not a boolean"),
+        ("odometry.max_range", True, "it is not a boolean"),
         ("tracking.max_misses", True, "it is not a boolean"),
         ("tracking", 3, ""),
         ("output.track_ids", "perhaps", "boolean"),

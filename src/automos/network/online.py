@@ -24,8 +24,8 @@ from automos.network.deployed import Deployed
 from automos.network.images import SensorView, Window, make_image
 from automos.network.recordings import measure_view
 from automos.network.residuals import SPACING, pick_past
-from automos.odometry.causal import Moved, Odometry
 from automos.odometry.compensation import frame_of
+from automos.odometry.estimator import Moved, Odometry
 from automos.odometry.sweep_timing import SweepTiming
 from automos.settings import Settings
 

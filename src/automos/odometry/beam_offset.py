@@ -14,9 +14,10 @@ from dataclasses import replace
 import numpy as np
 
 from automos.core.geometry import Array
-from automos.odometry.links import Alignment, Window, choose_links, fit_links
+from automos.odometry.links import Alignment, Links
 from automos.odometry.refine import INFORMATION
 from automos.odometry.surfels import Surfels
+from automos.odometry.window import Window
 
 STEEP = 8.0
 """Metres from the sensor's axis within which beams that see the ground are steep."""
@@ -50,7 +51,8 @@ def longest_path(positions: Array) -> slice:
 
 def _estimate(window: Window, pool: ThreadPoolExecutor | None) -> tuple[float, float]:
     """Return the radians by which beams point higher, to first order, and the standard error."""
-    fits, _ = fit_links(window, list(choose_links(window, ABOUT)), ABOUT.kernels[0], ABOUT, pool, with_elevation=True)
+    links = Links(ABOUT, pool, with_elevation=True)
+    fits = links.fit(window, links.choose(window), ABOUT.kernels[0])
     information = gradient = 0.0
     for fit in fits:
         of_pose = fit.H[:6, :6] + 1e-6 * np.trace(fit.H[:6, :6]) * np.eye(6)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,6 +37,33 @@ class Clock:
     def with_gaps(self, gaps: Array) -> Clock:
         """Return the clock of the same scans if they are `gaps` (N - 1,) periods apart."""
         return replace(self, stamps=self.stamps[0] + self.period * np.append(0.0, np.cumsum(gaps)), gaps=gaps)
+
+
+class RunningClock:
+    """When the scans of a stream were taken, known so far."""
+
+    def __init__(self) -> None:
+        self.stamp = 0.0  # seconds, of the last scan
+        self._n, self._steps = 0, deque[float](maxlen=50)
+
+    @property
+    def period(self) -> float:
+        """Seconds, the usual time between scans."""
+        return float(np.median(self._steps)) if self._steps else USUAL_PERIOD
+
+    def tick(self, stamp: float | None) -> tuple[float, float]:
+        """Return the stamp of the next scan, and its gap to the last one in periods (0 for the first)."""
+        before, gap, self._n = self.stamp, 1.0, self._n + 1
+        if self._n == 1:
+            self.stamp = stamp or 0.0
+            return self.stamp, 0.0
+        self.stamp = before + USUAL_PERIOD if stamp is None else stamp
+        passed = round(self.stamp - before, STAMP_DIGITS)
+        if passed > 0.0:  # otherwise out of order
+            usual = self.period if self._steps else passed
+            self._steps.append(passed)
+            gap = passed / usual if passed > 1.5 * usual else 1.0
+        return self.stamp, gap
 
 
 def rate_of(about: RecordingSettings, name: str) -> float | None:

@@ -20,10 +20,10 @@ from automos.core.kernels import kernel
 from automos.core.scan import Pose
 from automos.core.voxels import find_slot
 from automos.odometry.isolated import count_met_again, isolated_points
-from automos.odometry.links import Window
 from automos.odometry.motion import signed_distance
 from automos.odometry.submap import VOXEL, Submap, make_submap
 from automos.odometry.surfels import Surfels, key_at_level, level_of, moved
+from automos.odometry.window import Window
 from automos.settings import OdometrySettings
 
 CLOSE = 0.15

@@ -31,8 +31,8 @@ def isolated_points(surfels: Surfels, forward: Array, overhead: float, beside: f
     is_landmark = (points[:, 2] > overhead) | (np.abs(places[:, 1]) > beside)
     rows = np.flatnonzero(is_landmark[: len(sparse)])
     tree = KDTree(places[is_landmark] / ALONE, balanced_tree=False, compact_nodes=False)
-    n_around = tree.query_ball_point(places[rows] / ALONE, 1.0, p=np.inf, return_length=True)
-    return sparse[rows[n_around == 1]]  # itself
+    apart, _ = tree.query(places[rows] / ALONE, k=[2], p=np.inf, distance_upper_bound=1.0)  # the nearest is itself
+    return sparse[rows[np.isinf(apart[:, 0])]]
 
 
 def count_met_again(

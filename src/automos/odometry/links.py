@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
@@ -14,11 +14,12 @@ from automos.core.geometry import Array, inverse
 from automos.core.scan import Pose, Sequence
 from automos.odometry.motion import step_twists
 from automos.odometry.submap import NOISE, Fit, Submap, fit_surfels, make_submap
-from automos.odometry.surfels import Surfels, scan_surfels
+from automos.odometry.surfels import scan_surfels
 from automos.odometry.sweep_timing import SweepTiming
+from automos.odometry.window import Window, is_moved, small_motion
 from automos.settings import OdometrySettings
 
-MIN_MATCHED = 50
+MIN_MATCHED = 15
 """Surfels of a scan on surfaces of a submap, at least: fewer may all belong to one moving object."""
 SAMPLES, SAMPLE_SECONDS = 3, 2.5
 """Parts of a recording in which poses are checked, and the length of each."""
@@ -26,52 +27,20 @@ MIN_BASELINE = 0.1
 """Metres over which a disagreement is given in percent; shorter ones are a standing sensor's."""
 
 
-@dataclass(frozen=True, eq=False)
-class Window:
-    """N consecutive scans as surfels, compensated with an assumed motion."""
-
-    surfels: list[Surfels]  # sensor frame at mid-sweep
-    twists: Array  # (N, 6) motion per sweep used for the compensation
-    T_world_sensor: Pose  # (N, 4, 4)
-    gaps: Array  # (N - 1,) time between scans in units of the usual one
-    period: float  # seconds, the usual time between scans
-    share: float  # sweep duration over the usual time between scans
-
-    def __len__(self) -> int:
-        return len(self.surfels)
-
-    @property
-    def clock(self) -> Array:
-        """(N,) seconds since the first scan."""
-        return np.concatenate([[0.0], np.cumsum(self.gaps)]) * self.period
-
-    @property
-    def steps(self) -> Pose:
-        """(N - 1, 4, 4) from each scan to the one before."""
-        return inverse(self.T_world_sensor[:-1]) @ self.T_world_sensor[1:]
-
-    def moved(self, T_world_sensor: Pose) -> Window:
-        """Return the same scans at other poses, with surfels compensated for the motion between these."""
-        twists = self.share * step_twists(T_world_sensor, self.gaps)
-        changes = zip(self.surfels, twists - self.twists, strict=True)
-        surfels = [of_scan.compensated(change) for of_scan, change in changes]
-        return replace(self, surfels=surfels, twists=twists, T_world_sensor=T_world_sensor)
-
-
 @dataclass(frozen=True)
 class Alignment:
     """Parameters for aligning scans with submaps."""
 
-    kernels: tuple[float, ...] = (0.5, 0.2, 0.1, 0.1)  # m, one per iteration: much larger residuals have little weight
+    kernels: tuple[float, ...] = (0.5, 0.2, 0.1)  # m, one per iteration: much larger residuals have little weight
     noise: float = NOISE  # m, deviation of a surfel on a perfect surface
     lags: tuple[float, ...] = (0.5, 1.0, 2.0)  # s between a scan and its submaps
-    submap_every: float = 0.5  # s between the middles of submaps
+    submap_every: float = 0.2  # s between the middles of submaps
     submap_length: float = 0.3  # s of scans in a submap
     max_distance: float = 25.0  # m between a scan and its submaps, at most: beyond it, they have too little in common
     max_surfels: int = 2500  # of a scan aligned with one submap; more take time without further information
 
 
-COARSE = Alignment((0.2, 0.2), noise=0.05, submap_every=0.3, submap_length=0.5, max_distance=40.0, max_surfels=800)
+COARSE = Alignment((0.2, 0.2), noise=0.05, submap_length=0.5, max_distance=40.0, max_surfels=800)
 """For comparing hypotheses: wide enough not to miss misaligned surfaces."""
 
 
@@ -98,72 +67,111 @@ class Consistency(NamedTuple):
         return cls(*map(np.concatenate, zip(*parts, strict=True)))
 
 
-def choose_links(window: Window, about: Alignment) -> Iterator[tuple[int, int]]:
-    """Yield (scan, middle scan of a submap): for each lag, the nearest submaps before and after."""
-    half, every = half_width(window, about), max(round(about.submap_every / window.period), 1)
-    n = len(window)
-    centers = np.arange(min(half, n - 1), max(n - half, min(half, n - 1) + 1), every)
-    position = window.T_world_sensor[:, :3, 3]
-    for i in range(n):
-        chosen = set()
-        for lag in about.lags:
-            for sign in (-1, 1):
-                wanted = i + sign * max(round(lag / window.period), 1)
-                center = int(centers[np.argmin(np.abs(centers - wanted))])
-                is_apart = abs(center - i) > half
-                is_near = np.linalg.norm(position[center] - position[i]) < about.max_distance
-                if is_apart and is_near and abs(center - wanted) <= every:
-                    chosen.add(center)
-        yield from ((i, center) for center in sorted(chosen))
+Link = tuple[int, int]
+"""Numbers of a scan, and of the middle scan of a submap, in the recording."""
 
 
-def half_width(window: Window, about: Alignment) -> int:
-    """Return the number of scans on either side of a submap's middle scan."""
-    return min(int(about.submap_length / window.period / 2.0), max(len(window) - 2, 0) // 3)
+class _Fitted(NamedTuple):
+    kernel: float
+    T: Pose  # (4, 4) T_center_scan
+    submap: Submap | None
+    fit: Fit
 
 
-def submap_around(window: Window, center: int, half: int) -> Submap:
-    """Return the submap of scan `center` and `half` scans on either side of it."""
-    around = slice(max(center - half, 0), center + half + 1)
-    return make_submap(window.surfels[around], inverse(window.T_world_sensor[center]) @ window.T_world_sensor[around])
+_NO_FIT = _Fitted(0.0, np.eye(4), None, Fit(np.zeros((6, 6)), np.zeros(6), 0, 0, 0, 0.0))
 
 
-def fit_links(
-    window: Window,
-    links: list[tuple[int, int]],
-    kernel: float,
-    about: Alignment,
-    pool: ThreadPoolExecutor | None,
-    submaps: Mapping[int, Submap] | None = None,
-    with_elevation: bool = False,
-) -> tuple[list[Fit], Consistency]:
-    """Return the fit of each of `links` (from `choose_links`), and their consistency.
+class Links:
+    """The links of a window that moves along a recording: submaps and fits, kept while the poses that made them agree.
 
-    submaps : optional, those of the links' middle scans; made of the window if not given.
-    with_elevation : whether the fits have the elevation of the beams as a seventh unknown.
+    Most of both are those of the scan before, so that a new scan costs little more than its own links.
     """
-    T, clock = window.T_world_sensor, window.clock
-    each: Callable = map if pool is None else pool.map
-    if submaps is None:
-        make = partial(submap_around, window, half=half_width(window, about))
+
+    def __init__(self, about: Alignment, pool: ThreadPoolExecutor | None = None, with_elevation: bool = False):
+        """Take threads; `with_elevation` fits the elevation of the beams as a seventh unknown."""
+        self.about = about
+        self.work_in(pool)
+        self._with_elevation = with_elevation
+        self._submaps: dict[int, tuple[Pose, Submap]] = {}  # by middle scan: its parts' poses, and itself
+        self._fits: dict[Link, _Fitted] = {}
+
+    def work_in(self, pool: ThreadPoolExecutor | None) -> None:
+        """Share the work among threads from now on."""
+        self._each: Callable = map if pool is None else pool.map
+
+    def forget(self, first: int) -> None:
+        """Drop what is of scans before number `first`."""
+        self._submaps = {center: made for center, made in self._submaps.items() if center >= first}
+        self._fits = {link: made for link, made in self._fits.items() if min(link) >= first}
+
+    def choose(self, window: Window, scans: Iterable[int] | None = None) -> list[Link]:
+        """Return the links of `scans` (all by default): for each lag, with the nearest submaps before and after.
+
+        Where the path is shorter than a lag, its first submap stands for an earlier one.
+        """
+        half, every = self.half_width(window), max(round(self.about.submap_every / window.period), 1)
+        first, last = window.first, window.first + len(window)
+        inside = range(first, max(last - half, first + 1))
+        centers = np.array([c for c in inside if c % every == 0 or c == half] or [first])
+        lags = [sign * max(round(lag / window.period), 1) for lag in self.about.lags for sign in (-1, 1)]
+        position, links = window.T_world_sensor[:, :3, 3], set()
+        for i in range(first, last) if scans is None else scans:
+            for lag in lags:
+                center = int(centers[np.argmin(np.abs(centers - (i + lag)))])
+                is_there = abs(center - (i + lag)) <= every or i + lag < first
+                is_near = np.linalg.norm(position[center - first] - position[i - first]) < self.about.max_distance
+                if is_there and is_near and abs(center - i) > half:
+                    links.add((i, center))
+        return sorted(links)
+
+    def half_width(self, window: Window) -> int:
+        """Return the number of scans on either side of a submap's middle scan."""
+        return min(int(self.about.submap_length / window.period / 2.0), max(len(window) - 2, 0) // 3)
+
+    def fit(self, window: Window, links: list[Link], kernel: float) -> list[Fit]:
+        """Return the fit of each of `links`, to first order where poses have hardly changed since the last one."""
+        T, each = window.T_world_sensor, self._each
         centers = sorted({center for _, center in links})
-        submaps = dict(zip(centers, each(make, centers), strict=True))
-    ids = np.array(links, int).reshape(-1, 2)
-    T_center_scan = inverse(T[ids[:, 1]]) @ T[ids[:, 0]]
+        submaps = dict(zip(centers, each(partial(self._submap, window), centers), strict=True))
+        ids = np.array(links, int).reshape(-1, 2) - window.first
+        T_center_scan = inverse(T[ids[:, 1]]) @ T[ids[:, 0]]
+        made = [self._fits.get(link, _NO_FIT) for link in links]
+        T_then = np.array([known.T for known in made]).reshape(-1, 4, 4)
+        is_other = is_moved(T_then, T_center_scan)
+        change = small_motion(T_then, T_center_scan)
 
-    def fit(k: int) -> Fit:
-        i, center = links[k]
-        surfels = window.surfels[i]
-        every = max(-(-len(surfels) // about.max_surfels), 1)  # a different subset for each link
-        return fit_surfels(
-            submaps[center], surfels[k % every :: every], T_center_scan[k], kernel, about.noise, with_elevation
-        )
+        def fit(k: int) -> _Fitted:
+            submap, known, (scan, center) = submaps[links[k][1]], made[k], links[k]
+            if known.kernel == kernel and known.submap is submap and not is_other[k]:
+                return known
+            surfels = window.surfels[scan - window.first]
+            every = max(-(-len(surfels) // self.about.max_surfels), 1)  # a different subset for each link
+            some, T = surfels[(scan + center) % every :: every], T_center_scan[k]
+            found = fit_surfels(submap, some, T, kernel, self.about.noise, self._with_elevation)
+            return _Fitted(kernel, T, submap, found)
 
-    fits = list(each(fit, range(len(links))))
+        fitted = list(each(fit, range(len(links))))
+        self._fits.update(zip(links, fitted, strict=True))
+        return [new.fit.moved(c) if new is old else new.fit for new, old, c in zip(fitted, made, change, strict=True)]
+
+    def _submap(self, window: Window, center: int) -> Submap:
+        half, at, T = self.half_width(window), center - window.first, window.T_world_sensor
+        around = slice(max(at - half, 0), at + half + 1)
+        parts = inverse(T[at]) @ T[around]
+        made = self._submaps.get(center)
+        if made is None or len(made[0]) < len(parts) or is_moved(made[0][-len(parts) :], parts).any():
+            made = self._submaps[center] = parts, make_submap(window.surfels[around], parts)
+        return made[1]
+
+
+def consistency_of(window: Window, links: list[Link], fits: list[Fit]) -> Consistency:
+    """Return how well scans align under the `fits` of `links`."""
+    clock, T = window.clock, window.T_world_sensor
     kept = [k for k, f in enumerate(fits) if f.n_matched >= MIN_MATCHED]
-    good, (scan, center) = [fits[k] for k in kept], ids[kept].T
+    good = [fits[k] for k in kept]
+    scan, center = np.array([links[k] for k in kept], int).reshape(-1, 2).T - window.first
     solved = [np.linalg.solve(f.H + 1e-6 * np.trace(f.H) * np.eye(len(f.H)), f.g)[:3] for f in good]
-    return fits, Consistency(
+    return Consistency(
         lag=np.abs(clock[scan] - clock[center]),
         thickness=np.array([f.thickness for f in good]),
         disagreement=np.linalg.norm(np.reshape(solved, (-1, 3)), axis=1),
@@ -184,7 +192,9 @@ def measure_consistency(
         surfels = [scan_surfels(sequence[i], twists[i], timing, settings) for i in range(first, first + length)]
         part_gaps = gaps[first : first + length - 1]
         window = Window(surfels, twists[part], poses[part], part_gaps, period, timing.share)
-        parts.append(fit_links(window, list(choose_links(window, about)), about.kernels[-1], about, None)[1])
+        links = Links(about)
+        chosen = links.choose(window)
+        parts.append(consistency_of(window, chosen, links.fit(window, chosen, about.kernels[-1])))
     return Consistency.concatenate(parts)
 
 

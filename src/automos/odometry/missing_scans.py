@@ -19,8 +19,8 @@ from automos.core.geometry import Array, inverse
 from automos.core.scan import Pose
 from automos.odometry.facing import BESIDE, EVIDENCE, WEIGHTS, facing_surfaces, score_distances, weighed_down
 from automos.odometry.isolated import count_met_again, isolated_points
-from automos.odometry.links import Window
 from automos.odometry.speed import direction_of, lengthen, to_likely_speed
+from automos.odometry.window import Window
 from automos.settings import OdometrySettings
 
 N_AROUND = 3  # steps on either side that define the usual speed

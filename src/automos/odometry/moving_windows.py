@@ -12,18 +12,14 @@ import numpy as np
 from automos.core.geometry import Array, inverse, se3_log
 from automos.core.scan import Pose, Scan, Sequence
 from automos.odometry.clock import Clock
-from automos.odometry.kiss import register_surfels
-from automos.odometry.links import COARSE, MIN_MATCHED, Alignment, Window, choose_links, fit_links
-from automos.odometry.missing_scans import find_missing
-from automos.odometry.motion import chain, step_twists
-from automos.odometry.refine import refine_poses
-from automos.odometry.speed import to_likely_speed
+from automos.odometry.links import COARSE, MIN_MATCHED, Alignment, Links
+from automos.odometry.motion import step_twists
+from automos.odometry.refine import align
 from automos.odometry.surfels import Surfels, scan_surfels
 from automos.odometry.sweep_timing import SweepTiming, azimuth_times
+from automos.odometry.window import NEAR, Window
 from automos.settings import OdometrySettings
 
-NEAR = 15.0
-"""Metres, distance of typical walls: weight of rotation in the distortion of a sweep relative to translation."""
 WINDOWS = 2
 """Windows after which a difference of a few standard errors decides, and the most if the recording gives times or an
 order of its points: where all windows show the same traffic, more of them do not help."""
@@ -51,8 +47,6 @@ first, and after `WINDOWS` windows."""
 
 ON_NEIGHBOURS = Alignment((0.5, 0.3), noise=0.05, lags=(0.1, 0.2), submap_every=0.1, submap_length=0.0, max_surfels=600)
 """Each scan with its neighbours: adapts their steps to the times of a hypothesis, by up to half a metre."""
-ROUGH = replace(COARSE, kernels=COARSE.kernels[:1])
-"""A single iteration, to find the likeliest of many hypotheses."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +65,7 @@ class MovingWindow:
 def moving_windows(
     sequence: Sequence,
     settings: OdometrySettings,
-    poses: Pose | None,
+    poses: Pose,
     clock: Clock,
     from_points: list[SweepTiming],
     pool: ThreadPoolExecutor | None,
@@ -91,13 +85,7 @@ def moving_windows(
         at_rest = np.zeros((length, 6))
         surfels = _surfels_of(scans, at_rest, SweepTiming(), settings, each)
         gaps = clock.gaps[first : first + length - 1]
-        if poses is None:
-            steps = register_surfels(surfels, settings, gaps)
-            gaps = gaps if clock.has_stamps else find_missing(steps, gaps, clock.period)
-            rough = Window(surfels, at_rest, chain(np.eye(4), steps), gaps, clock.period, 0.0)
-            rough = to_likely_speed(rough, settings, pool)
-        else:
-            rough = Window(surfels, at_rest, poses[first : first + length], gaps, clock.period, 0.0)
+        rough = Window(surfels, at_rest, poses[first : first + length], gaps, clock.period, 0.0)
         if bend_of(rough.T_world_sensor) < MIN_BEND:
             continue
         by_source: dict[str, Window] = {"none": rough}
@@ -137,12 +125,13 @@ def _measure_misfits(
         times = partial(azimuth_times, turn=guess.turn, seam_deg=guess.seam_deg or 0.0)
         timed = replace(timed, surfels=[of_scan.timed(times) for of_scan in timed.surfels])
     timed = replace(timed, share=guess.share).moved(window.rough)
-    links, found, starts = list(choose_links(timed, COARSE)), [], [timed]
+    links, found, starts = Links(COARSE), [], [timed]
+    chosen = links.choose(timed)
     if is_cut and guess.share != 0.0:
-        starts.append(refine_poses(timed, settings, ON_NEIGHBOURS)[0])
+        starts.append(align(timed, settings, Links(ON_NEIGHBOURS))[0])
     for start in starts:
-        aligned = refine_poses(start, settings, ROUGH if is_rough else COARSE)[0]
-        fits = fit_links(aligned, links, COARSE.kernels[-1], COARSE, None)[0]
+        aligned = align(start, settings, links, kernels=COARSE.kernels[: 1 if is_rough else None])[0]
+        fits = links.fit(aligned, chosen, COARSE.kernels[-1])
         n_close = np.array([fit.n_close if fit.n_matched >= MIN_MATCHED else 0 for fit in fits])
         share = np.where(n_close > 0, n_close / np.array([max(fit.n_surfels, 1) for fit in fits]), np.nan)
         found.append(np.log(np.array([fit.thickness for fit in fits]) / share))

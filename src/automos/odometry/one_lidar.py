@@ -28,7 +28,7 @@ class OneLidar(View):
         return super().__getitem__(index).of_sensor(self._number)[1]
 
 
-def with_one_lidar(sequence: Sequence, poses: Pose | None) -> tuple[Sequence, Pose | None]:
+def with_one_lidar(sequence: Sequence, poses: Pose) -> tuple[Sequence, Pose]:
     """Return the recording and (N, 4, 4) poses of the LiDAR with most valid points; as given if scans name none."""
     mounts = sequence[0].T_scan_sensor
     if mounts is None:
@@ -36,4 +36,4 @@ def with_one_lidar(sequence: Sequence, poses: Pose | None) -> tuple[Sequence, Po
     few = [sequence[i] for i in evenly_spread(range(len(sequence)), SAMPLES)]
     found = [np.bincount(s.sensor[s.is_valid], minlength=len(mounts)) for s in few if s.sensor is not None]
     number = int(np.sum(found, axis=0).argmax())
-    return OneLidar(sequence, number), None if poses is None else poses @ mounts[number]
+    return OneLidar(sequence, number), poses @ mounts[number]

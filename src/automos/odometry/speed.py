@@ -21,7 +21,7 @@ import numpy.typing as npt
 from automos.core.geometry import Array
 from automos.core.scan import Mask, Pose
 from automos.odometry.facing import LAGS, LANDMARKS, STEP, SpeedScores, expected_share, is_stationary, score_speeds
-from automos.odometry.links import Window
+from automos.odometry.window import Window
 from automos.settings import OdometrySettings
 
 PRIOR = 0.2

@@ -53,6 +53,10 @@ class Fit(NamedTuple):
     n_close: int  # surfels within `CLOSE` of it
     thickness: float  # metres, robust root mean square distance from the surfaces
 
+    def moved(self, change: Array) -> Fit:
+        """Return the fit after a small motion `change` (6,) of the surfels in the submap's frame, to first order."""
+        return self._replace(g=self.g + self.H[:, :6] @ change)
+
 
 def make_submap(parts: list[Surfels], T_center_parts: Pose) -> Submap:
     """Return the merged surfels of P scans `parts`, each moved by its (4, 4) of `T_center_parts` (P, 4, 4)."""

@@ -17,7 +17,7 @@ from automos.core.errors import InputError
 from automos.core.scan import Pose, Sequence
 from automos.odometry.clock import Clock
 from automos.odometry.drifting_seam import learn_drifting_seam
-from automos.odometry.moving_windows import MIN_BEND, WINDOWS, Search, bend_of, moving_windows
+from automos.odometry.moving_windows import WINDOWS, Search, moving_windows
 from automos.odometry.one_lidar import with_one_lidar
 from automos.odometry.point_order import learn_order, sees_all_round
 from automos.odometry.sweep_timing import SweepTiming, recorded_duration
@@ -28,8 +28,6 @@ _log = logging.getLogger(__name__)
 SEAMS_DEG = (180.0, 0.0, 90.0, -90.0)
 """Azimuth seams that are tried, the most common first: others must be clearly better."""
 CIRCLE = [SweepTiming("azimuth", turn=turn, seam_deg=seam, share=1.0) for seam in SEAMS_DEG for turn in (-1, 1)]
-OTHER_MOTION = 0.2
-"""Share of the motion in a window that final poses may change: the timing changes it by a tenth."""
 USUAL_PERIODS = (0.1, 0.05)
 """Seconds, common rotation periods of sensors."""
 AT_A_STEADY_RATE = SweepTiming("index", share=1.0)
@@ -49,14 +47,6 @@ class TimingChoice:
 
     timing: SweepTiming
     misfits: dict[str, float] = field(default_factory=dict)  # of each tested hypothesis, by its text
-    rough: list[tuple[int, Pose]] = field(default_factory=list)  # first scan and (n, 4, 4) rough poses of each window
-
-    def suits(self, poses: Pose) -> bool:
-        """Whether the final (N, 4, 4) `poses` confirm the motion in the windows, or that there was none."""
-        if not self.rough:
-            return bend_of(poses) < MIN_BEND
-        bends = [(bend_of(T), bend_of(poses[first : first + len(T)])) for first, T in self.rough]
-        return all(abs(then - now) < OTHER_MOTION * max(then, now) for then, now in bends)
 
     def to_dict(self) -> dict[str, object]:
         """Return the choice, and by how many percent its rivals are worse, best first."""
@@ -69,7 +59,7 @@ class TimingChoice:
 def choose_timing(
     sequence: Sequence,
     settings: OdometrySettings,
-    poses: Pose | None,
+    poses: Pose,
     clock: Clock,
     pool: ThreadPoolExecutor | None = None,
 ) -> TimingChoice:
@@ -105,7 +95,7 @@ def choose_timing(
             break
     if best is None:  # no motion, so no distortion, or too few surfaces
         return TimingChoice([*([from_file] if from_file else []), *untimed, *timed, rear_seam()][0])
-    choice = TimingChoice(best, search.misfits, [(w.first, w.rough) for w in search.windows])
+    choice = TimingChoice(best, search.misfits)
     _log.info("sweep timing: %s", choice.to_dict())
     return choice
 

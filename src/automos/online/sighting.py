@@ -11,9 +11,9 @@ from automos.core.beam_pattern import Lidar
 from automos.core.geometry import inverse, make_transform
 from automos.core.scan import Frame, Pose, Scan
 from automos.evidence.observations import Seen, look
-from automos.odometry.causal import Odometry
 from automos.odometry.compensation import frame_of
-from automos.odometry.fixed_lag import Posed
+from automos.odometry.estimator import Odometry
+from automos.odometry.followed import Posed
 from automos.odometry.surfels import scan_surfels
 from automos.odometry.vertical import level_frame
 from automos.online.lidars import LidarLearner

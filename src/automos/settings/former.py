@@ -28,7 +28,8 @@ CONSTANTS = {
     "odometry": """
         min_points max_iterations convergence initial_threshold known_threshold min_motion start_scans start_convergence
         start_clear_step start_steps start_fold_scans start_voxel start_iterations start_gain max_acceleration leap_time
-        ground_scans ground_range ground_voxel ground_trials ground_distance ground_share threads
+        ground_scans ground_range ground_voxel ground_trials ground_distance ground_share threads voxel points_per_voxel
+        refine
         """,
     "odometry.refinement": """
         surfel voxel near max_range min_points submap_every submap_length lags max_distance kernels converged noise

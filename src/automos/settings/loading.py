@@ -21,7 +21,6 @@ from automos.settings.tree import Settings
 
 PRESETS: dict[str, dict[str, Any]] = {
     "paper": {
-        "odometry": {"refine": False},
         "candidates": {"method": "erasor"},
         "instances": {"method": "hdbscan"},
         "tracking": {

@@ -21,18 +21,13 @@ class LoopSettings(Group):
 class OdometrySettings(Group):
     """III-A: poses of every scan."""
 
-    voxel: float | None = Field(None, gt=0, description="m, local map; none: max_range / 100; larger voxels are faster")
     max_range: float = Field(100.0, gt=0, le=20_000, description="m, range of registered points; more adds far ones")
     min_range: float = Field(1.0, ge=0, description="m, least range of registered points; more leaves out near ones")
-    points_per_voxel: int = Field(
-        20, ge=1, le=10_000, description="points per voxel of the local map; more are more exact and take longer"
-    )
     time: Literal["auto", "file", "order", "azimuth", "none"] = Field(
         "auto",
         description="source of the points' times for motion compensation: the file, the order of the points, their "
         "azimuth, or none (already compensated); auto takes the one under which the scans fit together best",
     )
-    refine: bool = Field(True, description="also align scans with submaps seconds away")
     usual_acceleration: float = Field(
         3.0, ge=0.001, description="m/s^2, usual change of speed; larger values smooth poses less"
     )

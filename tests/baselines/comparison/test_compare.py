@@ -179,7 +179,7 @@ def test_peak_memory_sees_what_was_held_for_a_while():
 
 
 def test_the_command_runs_methods_in_processes_of_their_own_and_says_where_results_are(recording, tmp_path):
-    words = ["compare", recording, "--method", "yoon", "--out", tmp_path / "out", "--set", "odometry.refine=false"]
+    words = ["compare", recording, "--method", "yoon", "--out", tmp_path / "out"]
     done = CliRunner().invoke(app, [str(word) for word in words])
     assert done.exit_code == 0, done.output
     assert "Yoon's" in done.output

@@ -10,7 +10,8 @@ from automos import load_settings
 from automos.core.geometry import inverse, se3_log
 from automos.core.scan import Scan
 from automos.odometry.background import BackgroundTask
-from automos.odometry.causal import AT_ONCE, Odometry
+from automos.odometry.correction import AT_ONCE
+from automos.odometry.estimator import Odometry
 from automos.odometry.sweep_timing import SweepTiming
 from automos.simulation import Convention, record, simulate
 
@@ -90,7 +91,7 @@ def test_the_order_of_the_points_times_the_second_scan():
     assert [step.posed.timing.source for step in moved] == ["none"] + (len(moved) - 1) * ["order"]
 
 
-def test_a_sweep_of_half_the_time_between_scans_is_known_to_be_one_after_some_seconds():
+def test_a_sweep_of_half_the_time_between_scans_is_known_to_be_one_from_the_second_on():
     """Recorded times of 50 ms per scan, ten scans per second."""
     pose, scans = curve(6.0, 0.0), []
     for k in range(48):
@@ -98,8 +99,7 @@ def test_a_sweep_of_half_the_time_between_scans_is_known_to_be_one_after_some_se
         scan = sweep(TOWN, lambda now, middle=middle: pose(0.5 * (middle + now)), middle)  # twice as fast
         scans.append(replace(scan, time=0.5 * scan.time))
     shares = [step.posed.timing.share for step in follow(scans)]
-    assert shares[:20] == 20 * [1.0]
-    assert shares[-1] == pytest.approx(0.5, abs=0.01)
+    assert shares[1:] == (len(shares) - 1) * [pytest.approx(0.5, abs=0.01)]
 
 
 @pytest.mark.parametrize(("time", "source"), [("azimuth", "azimuth"), ("order", "order"), ("auto", "file")])
@@ -126,12 +126,3 @@ def test_who_brakes_hard_is_not_held_to_the_speed_that_he_had():
     assert np.mean(-np.diff(true)) > 0.03  # metres a scan and scan: 3 m/s^2 all the time, among traffic
     found = np.linalg.norm(np.diff(chained(moved)[:, :3, 3], axis=0), axis=1)
     np.testing.assert_allclose(found[3:], true[3:], atol=0.05)
-
-
-def test_where_submaps_say_nothing_a_scan_is_laid_on_the_last_ones(monkeypatch):
-    monkeypatch.setattr("automos.odometry.fixed_lag.MIN_MATCHED", 1_000_000)  # as in a room of few surfels
-    points = street(20).sequence[0].points
-    come = np.cumsum([0.0] * 8 + [0.3] * 8)  # metres; it stands, then sets off
-    scans = [Scan(points - np.float32([x, 0.0, 0.0]), stamp=0.1 * k) for k, x in enumerate(come)]
-    found = chained(follow(scans, is_compensated=True))[:, 0, 3]
-    np.testing.assert_allclose(found, come, atol=0.15)

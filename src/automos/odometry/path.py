@@ -1,0 +1,248 @@
+"""Poses of scans as they come, by smoothing: with each new scan, those of the last seconds are refined.
+
+A scan starts where the motion before it leads, and is aligned with submaps of the seconds before it. Then all scans of
+the last `FREE` seconds are refined together: each is also aligned with what was seen after it, so that the submaps
+under the newest scan are not distorted by the errors that a path without a future accumulates.
+
+Who can wait is given more: scans are kept for as long as he waits, `WINDOW` at most, and then the missing scans, the
+speed and the elevation of the beams are found in all of them, and all are refined.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+
+from automos.core.geometry import Array, inverse, se3_exp, se3_log
+from automos.core.scan import Pose, Scan
+from automos.odometry.clock import USUAL_PERIOD
+from automos.odometry.elevation import raised_scan
+from automos.odometry.followed import Posed, TimedScan
+from automos.odometry.links import MIN_MATCHED, Alignment, Consistency, Links
+from automos.odometry.motion import MIN_POINTS, usable_points
+from automos.odometry.refine import align, refine_poses, solve_links
+from automos.odometry.settling import elevation_in, settle
+from automos.odometry.speed import SpeedSearch
+from automos.odometry.surfels import Surfels, surfels_of
+from automos.odometry.sweep_timing import SweepTiming
+from automos.odometry.window import SAME_POSE, Window
+from automos.settings import OdometrySettings
+
+FREE = 1.5
+"""Seconds in which the pose of a scan is refined with every new one."""
+WINDOW = 20.0
+"""Seconds that are refined at once at most: many times the longest baseline."""
+PATIENT = 4.0
+"""Seconds from which on the speed and missing scans are found in windows, between which nobody needs a pose."""
+FIRST_STEPS = np.concatenate([s * np.vstack([np.eye(6)[:2], -np.eye(6)[:2]]) for s in (0.4, 0.8, 1.2, 1.8, 2.5)])
+"""Metres along the sensor's axes, starts for the second scan: a registration that starts at rest may stay there."""
+
+
+class Path:
+    """The motion of the sensor, scan by scan.
+
+    Attributes
+    ----------
+    timing : SweepTiming
+        Source of the point times of the scans to come.
+    elevation : float
+        Radians by which all beams point higher than the scans say.
+    window, stamps : Window, list of float
+        The last scans, and when they were taken, seconds.
+    twist : (6,) float64
+        Motion per usual gap at the newest scan.
+    empty : list of float
+        Stamps of scans with too few points to align.
+    missing : dict[float, float]
+        Gaps that were counted, in periods, by the stamp of the scan after them.
+    searches, consistency : lists
+        Of each window that was refined as a whole.
+    """
+
+    def __init__(
+        self,
+        settings: OdometrySettings,
+        timing: SweepTiming,
+        lag: float = 0.0,
+        pool: ThreadPoolExecutor | None = None,
+        has_stamps: bool = True,
+        twist: Array | None = None,
+        T_world_first: Pose | None = None,
+    ):
+        """Take the seconds until a pose is needed, threads, and the initial (6,) motion per usual gap and pose.
+
+        has_stamps : otherwise, missing scans are counted.
+        The result does not depend on the threads.
+        """
+        self.timing, self.elevation, self.stamps = timing, 0.0, list[float]()
+        self.searches, self.consistency = list[SpeedSearch](), list[Consistency]()
+        self.empty, self.missing = list[float](), dict[float, float]()
+        self._settings, self._pool, self._has_stamps = settings, pool, has_stamps
+        self._wait = min(max(lag - FREE, 0.0), WINDOW)
+        self.is_patient = self._wait >= PATIENT
+        self._is_start_known, self.twist = twist is not None, np.zeros(6) if twist is None else twist
+        self._T_first: Pose = np.eye(4) if T_world_first is None else T_world_first
+        nothing = np.zeros((0, 6)), np.zeros((0, 4, 4)), np.zeros(0)
+        self.window = Window([], *nothing, USUAL_PERIOD, 0.0)
+        self._leaving = dict[float, Pose]()
+        self._n_final, self._is_one = 0, True  # how many of the window's scans; whether they are of one LiDAR
+        self._links = Links(Alignment(), pool)
+
+    def work_in(self, pool: ThreadPoolExecutor) -> None:
+        """Share the work among threads from now on."""
+        self._pool = pool
+        self._links.work_in(pool)
+
+    @property
+    def T_world_sensor(self) -> Pose:
+        """(4, 4) pose of the newest scan."""
+        return self.window.T_world_sensor[-1] if len(self.window) else self._T_first
+
+    @property
+    def posed(self) -> Posed:
+        """The newest scan where it is now."""
+        return Posed(self.T_world_sensor, self.timing, self.timing.share * self.twist)
+
+    @property
+    def poses(self) -> dict[float, Pose]:
+        """(4, 4) poses that the last scan has changed, by stamp; those of earlier ones are final."""
+        return self._leaving | dict(zip(self.stamps, self.window.T_world_sensor, strict=True))
+
+    def push(self, timed: TimedScan, scan: Scan | None = None) -> Posed:
+        """Return the pose of the next scan, read unless it is given; those before it are refined, see `poses`."""
+        if self.is_patient and len(self.window) >= self._scans(self._reach + self._wait):
+            self._settle()
+            settled = self.poses
+            self._drop()
+            self._leaving = settled
+        else:
+            self._leaving = {}
+        during = self.timing.share * self.twist
+        scan = raised_scan(timed.scan if scan is None else scan, self.elevation)
+        self._is_one = scan.n_sensors == 1
+        points, times = usable_points(scan, self.timing, during, self._settings)
+        is_alone, is_empty = len(self.window) == 0, len(points) < MIN_POINTS
+        step = np.eye(4) if is_alone else se3_exp(timed.gap * self.twist)
+        self._append(timed, surfels_of(points, times, self.timing.has_seam), during, self.T_world_sensor @ step)
+        self.empty += [timed.stamp] if is_empty else []
+        if not is_alone and not is_empty:
+            if self._align_newest() > 0.0:
+                self._smooth()
+            self._find_twist()
+        if not self.is_patient:
+            self._drop()
+        return self.posed
+
+    def finish(self) -> None:
+        """Refine the last scans with all that is known."""
+        if self.is_patient and len(self.window) > 1:
+            self._settle()
+
+    def go_on_from(self, window: Window, stamps: list[float]) -> None:
+        """Go on after the scans of `window`, taken at `stamps`, as if they had been followed there."""
+        self.window, self.stamps = window, stamps
+        self._find_twist()
+        self._drop()
+
+    def _append(self, timed: TimedScan, surfels: Surfels, twist: Array, T: Pose) -> None:
+        self.stamps = [*self.stamps, timed.stamp]
+        w = self.window
+        self.window = Window(
+            [*w.surfels, surfels],
+            np.vstack([w.twists, twist]),
+            np.concatenate([w.T_world_sensor, T[None]]),
+            np.append(w.gaps, timed.gap)[0 if len(w) else 1 :],
+            timed.period,
+            self.timing.share,
+            w.first,
+        )
+
+    @property
+    def _reach(self) -> float:
+        """Seconds from the newest scan to the oldest one that one whose pose is not final is aligned with."""
+        return FREE + max(self._links.about.lags) + self._links.about.submap_every
+
+    def _drop(self) -> None:
+        """Drop the scans of which nothing is needed any more; whose pose is older than `FREE` is final."""
+        n = len(self.window)
+        first = max(n - self._scans(self._reach), 0)
+        self.window, self.stamps = self.window.part(first), self.stamps[first:]
+        self._n_final = max(len(self.window) - self._scans(FREE), 0)
+        self._links.forget(self.window.first)
+
+    def _scans(self, seconds: float) -> int:
+        return max(round(seconds / self.window.period), 1)
+
+    def _find_twist(self) -> None:
+        last, before = self.window.T_world_sensor[-1], self.window.T_world_sensor[-2]
+        self.twist = se3_log(inverse(before) @ last) / self.window.gaps[-1]
+
+    def _align_newest(self) -> float:
+        """Align the newest scan from its predicted pose; the second one from many, since the motion is not known.
+
+        Return the share of its surfels that lie on a surface then.
+        """
+        window, n = self._recent(), len(self.window) + self.window.first
+        T_before, expected = window.T_world_sensor[-2], window.T_world_sensor[-1]
+        found, share = self._aligned_from(window, expected)
+        if n == 2 and not self._is_start_known:
+            guesses = [T_before @ se3_exp(first) for first in FIRST_STEPS]
+            other, share_there = max((self._aligned_from(window, guess) for guess in guesses), key=lambda one: one[1])
+            if share_there > share:
+                found, share = other, share_there
+        self._take(found)
+        return share
+
+    def _recent(self) -> Window:
+        """Return the part of the window that a new scan may change or is aligned with."""
+        return self.window.part(max(len(self.window) - self._scans(self._reach), 0))
+
+    def _take(self, part: Window) -> None:
+        """Replace the last scans of the window by `part`."""
+        w, k = self.window, len(self.window) - len(part)
+        self.window = replace(
+            w,
+            surfels=[*w.surfels[:k], *part.surfels],
+            twists=np.vstack([w.twists[:k], part.twists]),
+            T_world_sensor=np.concatenate([w.T_world_sensor[:k], part.T_world_sensor]),
+        )
+
+    def _aligned_from(self, window: Window, guess: Pose) -> tuple[Window, float]:
+        """Return the window with the newest scan aligned with the submaps before it, and its share of close surfels."""
+        T = window.T_world_sensor.copy()
+        T[-1] = guess
+        window, n, links = window.moved(T), len(T), self._links
+        chosen = links.choose(window, [window.first + n - 1])
+        for kernel in links.about.kernels:
+            fits = links.fit(window, chosen, kernel)
+            if max((fit.n_matched for fit in fits), default=0) < MIN_MATCHED:
+                return window, 0.0
+            window, moved = solve_links(window, chosen, fits, self._settings, n - 1)
+            if moved < SAME_POSE:
+                break
+        fits = links.fit(window, chosen, links.about.kernels[-1])
+        return window, sum(fit.n_close for fit in fits) / max(sum(fit.n_surfels for fit in fits), 1)
+
+    def _smooth(self) -> None:
+        """Refine the scans of the last seconds."""
+        window = self._recent()
+        n_fixed = max(len(window) - self._scans(FREE), 1)
+        self._take(align(window, self._settings, self._links, n_fixed, self._links.about.kernels[1:])[0])
+
+    def _settle(self) -> None:
+        """Refine the window with all that is found in it."""
+        n_known, given = max(self._n_final, 1), self.window.gaps
+        found = settle(self.window, n_known, self._links, self._settings, self._pool, self._has_stamps)
+        window, consistency = found.window, found.consistency
+        if not self._has_stamps and (window.gaps != given).any():
+            self.missing |= {s: gap for s, gap in zip(self.stamps[1:], window.gaps.tolist(), strict=True) if gap != 1.0}
+        if self._is_one and not self.elevation and (angle := elevation_in(window, self._pool)):
+            self.elevation, self._links = angle, Links(self._links.about, self._pool)
+            window = replace(window, surfels=[of_scan.raised(angle) for of_scan in window.surfels])
+            window, consistency = refine_poses(window, self._settings, self._links, n_known)
+        self.window = window
+        self.searches.append(found.search)
+        self.consistency.append(consistency)
+        self._find_twist()
