@@ -60,6 +60,7 @@ TABLES = {
     "presets-drive": Table("methods-drive", make.presets, PRESETS),
     "methods-worlds": Table("methods-worlds", make.methods_of_worlds),
     "methods-drive": Table("methods-drive", make.methods_of_drive),
+    "rivals": Table("rivals", make.rivals),
     "gate": Table("gate", make.gate, has_calibration=True),
     "recordings": Table("recordings", make.recordings),
     "jitter": Table("jitter", make.jitter),
