@@ -11,7 +11,7 @@ from automos.objects.tracks import Tracks
 from automos.objects.verdict import Verdict, Verdicts
 from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.trajectory import Trajectory
-from automos.result import Result
+from automos.pipeline import Found
 from automos.results.run_files import RunFiles
 from automos.results.writing import write_results
 from automos.settings import load_settings
@@ -76,7 +76,7 @@ def make_run(folder, name="street", scans=None, timing=None, sweep_motion=None, 
         velocity=np.tile(VELOCITY, (4, 1)),
     )
     verdicts = Verdicts(np.array([Verdict.STATIC, Verdict.MOVING], np.int8), np.array([1.0, 0.875]))
-    result = Result(trajectory, tracks, verdicts, sequence.names, {}, {"odometry": "first", "labels": "key"}, stage)
+    result = Found(trajectory, tracks, verdicts, sequence.names, {}, {"odometry": "first", "labels": "key"}, stage)
     write_results(folder, sequence, result, load_settings("paper"))
     return RunFiles(folder, sequence)
 

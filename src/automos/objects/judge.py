@@ -23,7 +23,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence, Sized
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -34,7 +33,7 @@ from automos.core.scan import Mask
 from automos.objects.detections import Detections
 from automos.objects.face_paths import face_scatter
 from automos.objects.motion import NOISE
-from automos.objects.states import chain_of_two
+from automos.objects.states import later, state_probabilities
 from automos.objects.tracks import Tracks
 from automos.objects.verdict import Verdict, Verdicts
 
@@ -45,7 +44,7 @@ MOVED, STAYED = (1.02, 0.49, 0.455), (0.18, 0.98, 0.455)
 static object."""
 LOOK = 1.7  # seconds within which scans say the same
 WRONG = 0.001  # share of looks in which the evidence is that of the other state
-START, BEGIN, END = 0.12, 0.003, 0.02  # probability of motion in the first scan; changes of state per second
+BEGIN, END = 0.003, 0.02  # changes of state per second
 BODY, PIECE, POROUS, UNSTEADY = 1.8, -3.2, -0.5, -0.6  # log-odds of moving per look: of all, and per unit of a term
 LEAST_SOLID = 0.1  # lower limit of solidity relative to that of a solid face
 LEAST_SCATTER = 0.05  # metres, of the faces of a box
@@ -84,7 +83,33 @@ def segment_terms(found: Detections, is_asked: bool = True) -> SegmentTerms:
     return SegmentTerms(np.stack([center - half, center + half], axis=-1), evidence)
 
 
-def judge_tracks(tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, is_going_on: bool = False) -> Verdicts:
+@dataclass(frozen=True, eq=False)
+class Past(ColumnData):
+    """What scans that are forgotten said of T tracks.
+
+    Attributes
+    ----------
+    stamp : (T,) float64, seconds of the last of them; -inf if there is none.
+    p_moving, p_ever : (T,) float64, probabilities of moving at that time and of having moved by then.
+    """
+
+    stamp: Array
+    p_moving: Array
+    p_ever: Array
+
+    @staticmethod
+    def nothing(n: int) -> Past:
+        """Return the past of `n` tracks of which nothing is known."""
+        return Past(np.full(n, -np.inf), np.zeros(n), np.zeros(n))
+
+    def before(self, first: npt.NDArray[np.int64], times: Array) -> tuple[Array, Array]:
+        """Return both probabilities at the first of the observations (R,) of each track, before it."""
+        is_seen = np.diff(first) > 0
+        wait = np.where(is_seen, np.append(times, np.nan)[first[:-1]] - self.stamp, 0.0)
+        return later(self.p_moving, self.p_ever, wait, BEGIN, END)
+
+
+def judge_tracks(tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, past: Past | None = None) -> Verdicts:
     """Return moving for every track that has moved more likely than not.
 
     The confidence is the probability that the verdict is right. Tracks with a single observation are static, because
@@ -94,21 +119,45 @@ def judge_tracks(tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, i
     ----------
     terms : sequence of SegmentTerms, one per scan.
     stamps : (N,) float64, seconds.
-    is_going_on : whether tracks are judged while more scans come: those of the first look share it.
+    past : of each track, if they are judged while more scans come: those of the first look share it.
     """
-    seen = np.flatnonzero(tracks.is_observed)
-    first = np.searchsorted(tracks.track[seen], np.arange(len(tracks) + 1))
-    n_seen, times = np.diff(first), stamps[tracks.scan[seen]]
-    every = SegmentTerms.concatenate([SegmentTerms(np.zeros((0, 2)), np.zeros(0)), *terms])
-    of_rows = every[_segments(tracks, seen, terms)]
-    unsteady = np.sqrt(face_scatter(first, of_rows.heights).min(axis=1)) / LEAST_SCATTER
-    ratio = of_rows.evidence + np.repeat(UNSTEADY * np.log1p(unsteady), n_seen)
-    worth = shared_looks(first, times) if is_going_on else looks(first, times)
-    _, p_ever = chain_of_two(first, times, ratio * worth, START, BEGIN, END)
-    p_ever[n_seen < 2] = 0.0
+    known = Past.nothing(len(tracks)) if past is None else past
+    first, times, ratio = _weighted(tracks, terms, stamps, known, past is not None)
+    _, p_ever = state_probabilities(first, times, ratio, *known.before(first, times), BEGIN, END)
+    p_ever[(np.diff(first) < 2) & np.isinf(known.stamp)] = 0.0
     is_moving = p_ever >= 0.5
     verdict = np.where(is_moving, Verdict.MOVING, Verdict.STATIC).astype(np.int8)
     return Verdicts(verdict, np.where(is_moving, p_ever, 1.0 - p_ever))
+
+
+def past_of(tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, past: Past, is_over: Mask) -> Past:
+    """Return the `past` of tracks once the scans `is_over` (N,), the first ones, belong to it; see `judge_tracks`."""
+    first, times, ratio = _weighted(tracks, terms, stamps, past, True)
+    over = np.concatenate([[0], np.cumsum(is_over[tracks.scan[tracks.is_observed]])])[first]
+    rows = np.flatnonzero(is_over[tracks.scan[tracks.is_observed]])
+    times, ratio = times[rows], ratio[rows]
+    p_moving, p_ever = state_probabilities(over, times, ratio, *past.before(over, times), BEGIN, END)
+    is_known, last = np.diff(over) > 0, over[1:] - 1
+    stamp, p_moving = (np.append(of_rows, np.nan)[last] for of_rows in (times, p_moving))
+    before = past.stamp, past.p_moving, past.p_ever
+    return Past(*(np.where(is_known, *both) for both in zip((stamp, p_moving, p_ever), before, strict=True)))
+
+
+def _weighted(
+    tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, past: Past, is_going_on: bool
+) -> tuple[npt.NDArray[np.int64], Array, Array]:
+    """Return the first observation of each track (T + 1,), and times (R,) and log-likelihood ratios (R,) of all."""
+    seen = np.flatnonzero(tracks.is_observed)
+    first = np.searchsorted(tracks.track[seen], np.arange(len(tracks) + 1))
+    times = stamps[tracks.scan[seen]]
+    every = SegmentTerms.concatenate([SegmentTerms(np.zeros((0, 2)), np.zeros(0)), *terms])
+    of_rows = every[_segments(tracks, seen, terms)]
+    unsteady = np.sqrt(face_scatter(first, of_rows.heights).min(axis=1)) / LEAST_SCATTER
+    ratio = of_rows.evidence + np.repeat(UNSTEADY * np.log1p(unsteady), np.diff(first))
+    worth = looks(first, times, since=past.stamp)
+    if is_going_on:
+        _share_first_looks(worth, first, times, np.isinf(past.stamp))
+    return first, times, ratio * worth
 
 
 def moving_now(tracks: Tracks, verdicts: Verdicts, stamps: Array) -> Tracks:
@@ -123,31 +172,32 @@ def moving_now(tracks: Tracks, verdicts: Verdicts, stamps: Array) -> Tracks:
     stands = -0.5 * squared / NOISE**2 - 2.0 * np.log(NOISE)  # NOISE over a second
     times = stamps[tracks.scan]
     ratio = _doubted(moves - stands, JUMPS) * looks(first, times, 1.0)
-    p_moving, _ = chain_of_two(first, times, ratio, 0.5, CHANGE, CHANGE)
+    even = np.full(len(tracks), 0.5)
+    p_moving, _ = state_probabilities(first, times, ratio, even, even, CHANGE, CHANGE)
     p_ever = np.where(verdicts.is_moving, verdicts.confidence, 1.0 - verdicts.confidence)
     return replace(tracks, p_moving=p_moving * p_ever[tracks.track])
 
 
-def looks(first: npt.NDArray[np.int64], times: Array, look: float = LOOK) -> Array:
-    """Return (R,) the looks that each observation is worth: 1 for a track's first, then the time since the one before.
+def looks(first: npt.NDArray[np.int64], times: Array, look: float = LOOK, since: Array | float = -np.inf) -> Array:
+    """Return (R,) the looks that each observation is worth: 1, or the time since the one before if that is less.
 
     first : (T + 1,) the first observation of each track.   times : (R,) seconds.
+    since : (T,) seconds of an observation before the first one.
     """
-    worth = np.minimum(np.diff(times, prepend=times[:1]) / look, 1.0)
-    worth[first[:-1][np.diff(first) > 0]] = 1.0
-    return worth
+    before = np.append(times[:1], times[:-1])
+    is_seen = np.diff(first) > 0
+    before[first[:-1][is_seen]] = np.broadcast_to(since, len(is_seen))[is_seen]
+    return np.minimum((times - before) / look, 1.0)
 
 
-def shared_looks(first: npt.NDArray[np.int64], times: Array) -> Array:
-    """Return (R,) the same looks, those of the observations within a track's first one shared evenly among them.
+def _share_first_looks(worth: Array, first: npt.NDArray[np.int64], times: Array, is_new: Mask) -> None:
+    """Share the looks within the first one of new tracks (T,) evenly among its observations, in place.
 
     What has just come into sight is judged by all scans since, as later ones do not outweigh its first one yet.
     """
-    worth = looks(first, times)
-    for begin, end in pairwise(first):
+    for begin, end in np.column_stack([first[:-1], first[1:]])[is_new]:
         within = slice(begin, begin + np.searchsorted(times[begin:end], times[begin:end][:1].sum() + LOOK))
         worth[within] = worth[within].sum() / max(within.stop - begin, 1)
-    return worth
 
 
 def is_scenery(tracks: Tracks, verdicts: Verdicts, detections: Sequence[Detections]) -> Mask:

@@ -3,13 +3,11 @@
     p(s_1..T, y_1..T) = p(s_1) p(y_1 | s_1) prod_t p(s_t | s_t-1; dt_t) p(y_t | s_t),    s_t in {stands, moves}
 
 The chain does not know where likelihoods come from. Filter (lag 0), fixed lag and smoother (lag infinity) are one
-model, conditioned in three ways. "Moves now" and "moved at some time" are two readings of its states: p(s_t = moves |
-y), and one minus the probability of the path that stands in every scan.
+model: the scans that are known by then. What forgotten scans said is in two numbers, p(moves) and p(has moved) at the
+last of them, so a stream keeps some seconds and loses nothing.
 """
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 import numpy.typing as npt
@@ -20,47 +18,36 @@ Array = npt.NDArray[np.float64]
 
 
 def state_probabilities(
-    log_likelihoods: Array, times: Array, start: float, begin: float, end: float, lag: float = math.inf
+    first: npt.NDArray[np.int64], times: Array, ratio: Array, start: Array, ever: Array, begin: float, end: float
 ) -> tuple[Array, Array]:
-    """Return p_moving (T,) and p_ever (T,), given the scans that are no later than `lag` after each.
+    """Return p_moving (R,) and p_ever (T,) of T bodies, given all of their scans.
 
     Parameters
     ----------
-    log_likelihoods : (T, 2), log p(y_t | stands) and log p(y_t | moves), each up to a constant of the scan.
-    times : (T,) seconds, increasing.
-    start : probability that the body moves in the first scan.
+    first : (T + 1,) the first row of each body.
+    times : (R,) seconds, increasing within a body.
+    ratio : (R,) log p(y_t | moves) - log p(y_t | stands).
+    start, ever : (T,) probability that a body moves in its first scan, and that it has moved by then.
     begin, end : per second, rates at which a standing body sets off, and a moving one comes to rest.
-    lag : seconds; 0 filters, infinity smooths.
 
     Returns
     -------
     p_moving : probability that the body moves in that scan.
-    p_ever : that it has moved in any scan up to the last one that is known by then.
+    p_ever : that it has moved in any scan up to its last one, or before.
 
     Equations: states, readings
     """
-    ratio = np.ascontiguousarray(log_likelihoods[:, 1] - log_likelihoods[:, 0])
-    until = np.searchsorted(times, times + lag, side="right") - 1
-    return _conditioned(np.asarray(times, np.float64), ratio, start, begin, end, until)
-
-
-def chain_of_two(
-    first: npt.NDArray[np.int64], times: Array, ratio: Array, start: float, begin: float, end: float
-) -> tuple[Array, Array]:
-    """Return p_moving (R,) and p_ever (T,) of T bodies, given all of their scans.
-
-    first : (T + 1,) the first row of each body.   ratio : (R,) log-likelihood ratio of moving against standing.
-
-    Equations: states, readings
-    """
-    p_moving, p_ever = np.zeros(len(times)), np.zeros(len(first) - 1)
-    for k in range(len(first) - 1):
+    p_moving, p_ever = np.zeros(len(times)), np.array(ever, np.float64)
+    for k in np.flatnonzero(np.diff(first)):
         rows = slice(first[k], first[k + 1])
-        if first[k + 1] > first[k]:
-            until = np.full(first[k + 1] - first[k], first[k + 1] - first[k] - 1)
-            p_moving[rows], ever = _conditioned(times[rows], ratio[rows], start, begin, end, until)
-            p_ever[k] = ever[-1]
+        p_moving[rows], p_ever[k] = _smoothed(times[rows], ratio[rows], start[k], ever[k], begin, end)
     return p_moving, p_ever
+
+
+def later(p_moving: Array, p_ever: Array, dt: Array, begin: float, end: float) -> tuple[Array, Array]:
+    """Return both probabilities `dt` seconds later, before anything is seen; after infinite time nothing is known."""
+    rest, still = begin / (begin + end), np.exp(-(begin + end) * dt)
+    return rest + (p_moving - rest) * still, 1.0 - (1.0 - p_ever) * (1.0 - rest + rest * still)
 
 
 @kernel
@@ -71,36 +58,22 @@ def _predict(p, dt, begin, end):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _condition(p, ratio):  # type: ignore[no-untyped-def]
-    """Return the probability of moving, given a scan with the log-likelihood `ratio`, and the log of its likelihood."""
-    moves, stands = np.log(p) + ratio, np.log1p(-p)
-    total = np.logaddexp(moves, stands)
-    # Never exactly certain: a chain that is could not change its state.
-    return min(max(np.exp(moves - total), 1e-300), 1.0 - 1e-16), total
-
-
-@kernel
-def _conditioned(times, ratio, start, begin, end, until):  # type: ignore[no-untyped-def]
+def _smoothed(times, ratio, p, ever, begin, end):  # type: ignore[no-untyped-def]
     n = len(times)
-    ahead, now, likelihood, stands = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-    p, log_total, log_stands = start, 0.0, np.log1p(-start)
+    ahead, now = np.empty(n), np.empty(n)
+    log_total, log_stands = 0.0, np.log1p(-ever)
     for t in range(n):
         if t > 0:
-            p = _predict(now[t - 1], times[t] - times[t - 1], begin, end)
+            p = _predict(p, times[t] - times[t - 1], begin, end)
             log_stands += np.log1p(-_predict(0.0, times[t] - times[t - 1], begin, end))
         ahead[t] = p
-        now[t], likelihood[t] = _condition(p, ratio[t])
-        log_total += likelihood[t]
-        stands[t] = log_stands - log_total
-    p_moving, p_ever = np.empty(n), np.empty(n)
-    for t in range(n - 1, -1, -1):
-        p_ever[t] = -np.expm1(min(stands[until[t]], 0.0))
-        # The belief at the next scan serves if it is conditioned on the same scans.
-        is_next = t + 1 < n and until[t] == until[t + 1]
-        p = p_moving[t + 1] if is_next else now[until[t]]
-        for k in range(t if is_next else until[t] - 1, t - 1, -1):
-            dt = times[k + 1] - times[k]
-            to_moves, to_stands = _predict(1.0, dt, begin, end), 1.0 - _predict(1.0, dt, begin, end)
-            p = now[k] * (to_moves * p / ahead[k + 1] + to_stands * (1.0 - p) / (1.0 - ahead[k + 1]))
-        p_moving[t] = min(max(p, 0.0), 1.0)
-    return p_moving, p_ever
+        moves, stands = np.log(p) + ratio[t], np.log1p(-p)
+        total = np.logaddexp(moves, stands)
+        log_total += total
+        # Never exactly certain: a chain that is could not change its state.
+        p = now[t] = min(max(np.exp(moves - total), 1e-300), 1.0 - 1e-16)
+    for t in range(n - 2, -1, -1):
+        to_moves = _predict(1.0, times[t + 1] - times[t], begin, end)
+        p = to_moves * now[t + 1] / ahead[t + 1] + (1.0 - to_moves) * (1.0 - now[t + 1]) / (1.0 - ahead[t + 1])
+        now[t] = min(max(now[t] * p, 0.0), 1.0)
+    return now, -np.expm1(min(log_stands - log_total, 0.0))

@@ -149,8 +149,8 @@ def cloud_message(types: Mapping[str, Any], columns: Columns, header: Any) -> An
     make_field = types["sensor_msgs/msg/PointField"]
     number_of = {kind: number for number, kind in _TYPES.items()}
     fields = [
-        make_field(name, offset, number_of[kind.str[1:]], 1)
-        for name, (kind, offset) in rows.dtype.fields.items()  # type: ignore[union-attr]
+        make_field(name, about[1], number_of[about[0].str[1:]], 1)
+        for name, about in rows.dtype.fields.items()  # type: ignore[union-attr]
     ]
     return types["sensor_msgs/msg/PointCloud2"](
         header=header,

@@ -26,7 +26,7 @@ def point_columns(run: RunFiles, index: int) -> Columns:
         rows = run.rows_of(scan, index)
         return {name: column[rows] for name, column in columns.items()}
     return columns | {
-        "label": run.labels(index, len(scan)),
+        "label": run.labels(index, len(scan)).astype(np.uint16),
         "instance": run.instances(index, len(scan)).astype(np.uint32),
     }
 
