@@ -203,6 +203,13 @@ BENCHMARKS = {
         (*RIVALS, *PRESETS),
         quick=worlds(FEW, ("HDL-64E",), 60, (100,)),
     ),
+    "rivals": Benchmark(
+        "presets and rivals on real drives, and on real ones with inserted movers (give their folders)",
+        "1 h a recording",
+        "labels:compared",
+        (DRIVE, "lyft_5hz"),
+        (*RIVALS, *PRESETS),
+    ),
     "semantickitti": Benchmark(
         "Table I of the paper, on SemanticKITTI",
         "days",

@@ -61,6 +61,7 @@ TABLES = {
     "presets-drive": Table("methods-drive", make.presets, PRESETS),
     "methods-worlds": Table("methods-worlds", make.methods_of_worlds),
     "methods-drive": Table("methods-drive", make.methods_of_drive),
+    "rivals": Table("rivals", make.rivals),
     "gate": Table("gate", make.gate, has_calibration=True),
     "objects": Table("objects", bodies.objects),
     "calibration": Table("calibration", bodies.calibration),

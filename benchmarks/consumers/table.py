@@ -1,19 +1,19 @@
 """Who reads what we export: runs every proof and prints a table of export, reader and result.
 
-    python benchmarks/consumers/table.py RUN [RUN ...] [--readers PYTHON] [--supervisely PYTHON] [--ros2 PYTHON]
-        [--trainers PYTHON --repositories FOLDER]
+    python benchmarks/consumers/table.py [RUN ...] [--environments FOLDER] [--only NAME ...]
 
-Proofs by a package are tests; they run with the interpreter of an environment that has it, as `.ci/all` makes them:
-`[dev-readers,dufomap]`, `[dev-supervisely]`, `[dev-ros2]`. Proofs by a loader of a repository need an environment with
-torch, torchvision, pytorch-lightning, scipy, h5py, tqdm, kiss-icp, and clones (see `loaders.py`); they read data sets
-made of the RUNs, the first of which is for training and the last for validation. What is not given is not proven, and
-the table says so. Ends with 1 where a proof fails.
+Proofs by a package are tests. Each family of readers gets an environment of its own in FOLDER, which is kept; one that
+is there is used as it is. Proofs by a trainer's own loader run on data sets made of the RUNs (the first is for
+training, the last for validation; two worlds are simulated and labelled if none is given), with clones of the trainers'
+repositories in FOLDER/repositories. What cannot be installed is not proven, and the table says so. Ends with 1 where a
+proof fails.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -22,6 +22,26 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 WRITERS = "tests/writers/"
+ENVIRONMENTS = {
+    "readers": ["{here}[dev-readers,dufomap]"],
+    "supervisely": ["{here}[dev-supervisely]"],
+    "ros2": ["{here}[dev-ros2]"],
+    "ncore": ["{here}[dev,ncore]"],
+    "odometry": ["{here}[dev]", "rko-lio", "evalio"],
+    "t4": ["{here}[dev]", "t4-devkit @ git+https://github.com/tier4/t4-devkit@4496b3e"],
+    "trainers": ["torch", "torchvision", "pytorch-lightning", "scipy", "h5py", "tqdm", "kiss-icp", "PyYAML"],
+}
+"""What each environment has installed; `core` is the one that runs this."""
+REPOSITORIES = {
+    "4DMOS": "PRBonn",
+    "MapMOS": "PRBonn",
+    "LiDAR-MOS": "PRBonn",
+    "MotionSeg3D": "haomo-ai",
+    "MF-MOS": "SCNU-RISLAB",
+    "InsMOS": "nubot-nudt",
+    "OpenSceneFlow": "KTH-RPL",
+}
+"""Who has each repository."""
 BY_TESTS = {
     "core": (
         ("dataset helimos", "reader of 4DMOS's contract", f"{WRITERS}training/test_make.py", "helimos_trainer"),
@@ -35,6 +55,18 @@ BY_TESTS = {
         ("sustech", "own arithmetic", f"{WRITERS}test_box_files.py", "sustech"),
         ("laz", "laspy", f"{WRITERS}test_points.py", "laz"),
         ("parquet", "pyarrow", f"{WRITERS}test_points.py", "parquet"),
+        (
+            "drivestudio",
+            "its loader's contract",
+            f"{WRITERS}test_reconstruction.py",
+            "drivestudio_finds",
+        ),
+    ),
+    "ncore": (("ncore", "nvidia-ncore", f"{WRITERS}test_reconstruction.py", "ncores_loader"),),
+    "t4": (("t4", "t4-devkit, its sanity check", f"{WRITERS}test_detector_sets.py", "tier_iv"),),
+    "odometry": (
+        ("clean, a bag with an IMU", "rko-lio", f"{WRITERS}cleaning/test_lidar_inertial.py", "rko_lio"),
+        ("clean, a bag with an IMU", "evalio", f"{WRITERS}cleaning/test_lidar_inertial.py", "evalio"),
     ),
     "readers": (
         ("nuscenes-tables", "nuscenes-devkit", f"{WRITERS}test_detector_sets.py", "tables_of_nuscenes"),
@@ -80,8 +112,8 @@ def by_tests(python: str | None, rows: tuple[tuple[str, str, str, str], ...]) ->
     with tempfile.TemporaryDirectory() as scratch:
         report = Path(scratch) / "report.xml"
         command = [python, "-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider", "-k", parts, *files]
-        environment = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
-        subprocess.run([*command, f"--junit-xml={report}"], cwd=ROOT, env=environment, capture_output=True, check=False)
+        inherited = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
+        subprocess.run([*command, f"--junit-xml={report}"], cwd=ROOT, env=inherited, capture_output=True, check=False)
         cases = list(ElementTree.parse(report).iter("testcase")) if report.exists() else []
     found = []
     for export, reader, file, part in rows:
@@ -93,19 +125,20 @@ def by_tests(python: str | None, rows: tuple[tuple[str, str, str, str], ...]) ->
     return found
 
 
-def by_loaders(python: str | None, repositories: Path | None, runs: list[Path]) -> list[Row]:
+def by_loaders(python: str | None, repositories: Path, runs: list[Path]) -> list[Row]:
     """Return the rows of trainers' own loaders, on data sets made of `runs`."""
-    if python is None or repositories is None:
+    if python is None:
         return [(export, f"{name}, its own loader", "not run") for name, export in LOADERS.items()]
+    for name, owner in REPOSITORIES.items():
+        if not (repositories / name).exists():
+            address = f"https://github.com/{owner}/{name}"
+            subprocess.run(["git", "clone", "-q", "--depth", "1", address, str(repositories / name)], check=False)
     with tempfile.TemporaryDirectory() as scratch:
-        automos = [sys.executable, "-m", "automos"]
+        runs = runs or simulated_runs(Path(scratch))
         split = [] if len(runs) < 2 else ["--split", f"valid={runs[-1].name}"]
-        sets = {"helimos": [], "semantickitti": ["--residuals", "1-8", "--boxes"]}
-        for layout, extras in sets.items():
-            out = ["--out", f"{scratch}/{layout}", "--layout", layout]
-            subprocess.run([*automos, "dataset", *map(str, runs), *out, *split, *extras], stdout=sys.stderr, check=True)
-        flow = ["export", str(runs[0]), "--to", "opensceneflow", "--out", f"{scratch}/opensceneflow"]
-        subprocess.run([*automos, *flow], stdout=sys.stderr, check=True)
+        for layout, extras in {"helimos": [], "semantickitti": ["--residuals", "1-8", "--boxes"]}.items():
+            automos("dataset", *runs, "--out", f"{scratch}/{layout}", "--layout", layout, *split, *extras)
+        automos("export", runs[0], "--to", "opensceneflow", "--out", f"{scratch}/opensceneflow")
         found = []
         for name, export in LOADERS.items():
             command = [python, str(ROOT / "benchmarks" / "consumers" / "loaders.py"), name, str(repositories), scratch]
@@ -116,17 +149,48 @@ def by_loaders(python: str | None, repositories: Path | None, runs: list[Path]) 
     return found
 
 
+def automos(*words: object) -> None:
+    """Run a command of this copy of AutoMOS."""
+    inherited = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
+    command = [sys.executable, "-m", "automos", *map(str, words)]
+    subprocess.run(command, stdout=sys.stderr, env=inherited, check=True)
+
+
+def simulated_runs(folder: Path) -> list[Path]:
+    """Return results of two simulated worlds."""
+    for seed in (1, 2):
+        world = folder / f"world{seed}"
+        automos("simulate", world, "--sensor", "HDL-32E", "--scans", 30, "--seed", seed)
+        automos("label", world, "--out", folder / "runs" / world.name)
+    return sorted((folder / "runs").iterdir())
+
+
+def environment(folder: Path, name: str) -> str | None:
+    """Return the interpreter of environment `name`, which is made where it is not there; None where it cannot be."""
+    python = folder / name / "bin" / "python"
+    if not python.exists():
+        wanted = [what.format(here=ROOT) for what in ENVIRONMENTS[name]]
+        made = subprocess.run([sys.executable, "-m", "venv", str(folder / name)], check=False)
+        words = [str(python), "-m", "pip", "install", "-q", *wanted]
+        if made.returncode or subprocess.run(words, stdout=sys.stderr, check=False).returncode:
+            shutil.rmtree(folder / name, ignore_errors=True)
+            return None
+    return str(python)
+
+
 def main() -> None:
     """Run what can be run, print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("runs", nargs="*", type=Path, help="results folders of automos label")
-    for environment in ("readers", "supervisely", "ros2", "trainers"):
-        parser.add_argument(f"--{environment}", metavar="PYTHON")
-    parser.add_argument("--repositories", type=Path)
+    parser.add_argument("--environments", type=Path, default=Path.home() / ".cache" / "automos-consumers")
+    parser.add_argument("--only", nargs="+", choices=["core", *ENVIRONMENTS], default=["core", *ENVIRONMENTS])
     given = parser.parse_args()
-    pythons = {"core": sys.executable, **{name: getattr(given, name) for name in BY_TESTS if name != "core"}}
-    rows = [row for name, tests in BY_TESTS.items() for row in by_tests(pythons[name], tests)]
-    rows += by_loaders(given.trainers, given.repositories, given.runs)
+    folder = given.environments.absolute()
+    folder.mkdir(parents=True, exist_ok=True)
+    pythons = {name: environment(folder, name) for name in given.only if name != "core"}
+    pythons["core"] = sys.executable if "core" in given.only else None
+    rows = [row for name, tests in BY_TESTS.items() for row in by_tests(pythons.get(name), tests)]
+    rows += by_loaders(pythons.get("trainers"), folder / "repositories", given.runs)
     print("| export | reader | result |\n|---|---|---|")
     for row in rows:
         print(f"| {' | '.join(row)} |")

@@ -1,9 +1,10 @@
 """M-detector: a point that hides what was seen a moment ago has moved, and so has what goes behind or before itself.
 
 Our reading of Wu, Li, Xu, Kong, Zhang, "Moving event detection from LiDAR point streams" (Nature Communications 2024)
-with the authors' parameters for KITTI, scan by scan. Past scans are depth images that keep their points. Points that
-pass one of three tests are events; clusters of them are completed to objects, and what was found is no longer taken for
-something that stood ("frame-out", "cluster future"). Only the past is used.
+with the authors' parameters for KITTI, scan by scan; of other sensors, pixels are no finer than their rays and depth
+images no closer in time than their scans, as the authors ask. Past scans are depth images that keep their points.
+Points that pass one of three tests are events; clusters of them are completed to objects, and what was found is no
+longer taken for something that stood ("frame-out", "cluster future"). Only the past is used.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from automos.baselines.event_clusters import complete_clusters
 from automos.baselines.m_detector_parameters import Parameters
 from automos.baselines.neighbours_in_time import scans_at
 from automos.baselines.occlusion_tests import find_along_ray, find_crossing, leave_out_standing
-from automos.baselines.range_image import ImageShape, shape_for, view_of
+from automos.baselines.range_image import ImageShape, shape_for
 from automos.core.geometry import inverse
 from automos.core.scan import Frame, Frames, Mask
 from automos.evidence.ground import find_ground
@@ -34,8 +35,9 @@ def find_moving(
 ) -> Iterator[tuple[int, Mask]]:
     """Yield (index, (M,) bool moving) of every frame from `start` on, in order. `stamps` (N,) are their times, s."""
     shape = shape_for(frames, float(np.degrees(parameters.row)), float(np.degrees(parameters.column)))
-    tests = _Tests(parameters, shape, view_of(frames, parameters.edge))
-    lags = parameters.gap * np.arange(1, parameters.images + 1)
+    tests = _Tests(parameters, shape)
+    gap = max(parameters.gap, float(np.median(np.diff(stamps)))) if len(stamps) > 1 else parameters.gap
+    lags = gap * np.arange(1, parameters.images + 1)
     warm_up = min([*scans_at(stamps, start, -2.0 * lags), start])
     past: deque[tuple[int, DepthImage]] = deque()
     for k in range(warm_up, len(frames)):
@@ -54,9 +56,9 @@ def find_moving(
 class _Tests:
     """The three tests with their windows, made as wide as the sensor asks for."""
 
-    def __init__(self, parameters: Parameters, shape: ImageShape, view: tuple[float, float] = (-1.0, 1.0)):
-        """Take what is published, the images' shape and between which sines of elevation points may be events."""
-        self._shape, self._min_range, self._view = shape, parameters.min_range, view
+    def __init__(self, parameters: Parameters, shape: ImageShape):
+        """Take what is published and the images' shape."""
+        self._shape, self._blind = shape, parameters.blind
         self._wider = float(2.0 * np.pi / shape.columns / parameters.column)
         self._higher = float(shape.row_height / parameters.row)
         cases = (parameters.away, parameters.nearer)
@@ -80,8 +82,7 @@ class _Tests:
         """Return (M,) bool: the frame's points that pass any of the tests; `images` are from new to old."""
         points, shape = frame.points, self._shape
         ranges = np.sqrt(np.einsum("ij,ij->i", points, points))
-        is_asked = (ranges > self._min_range) & (points[:, 2] >= self._view[0] * ranges)
-        is_asked &= points[:, 2] <= self._view[1] * ranges
+        is_asked = ranges > self._blind
         if not images:
             return np.zeros_like(is_asked)
         past = stack(images)

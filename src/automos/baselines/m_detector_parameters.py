@@ -1,10 +1,14 @@
-"""M-detector's parameters, as its authors publish them for KITTI (config/kitti/kitti0.yaml of the public repository).
+"""M-detector's parameters, as its authors publish them for KITTI, each with its name and line there.
 
-Their names are ours: their file counts its cases ("thr1", "thr2", "thr3") and says in comments what each is.
+File: config/kitti/kitti0.yaml of github.com/hku-mars/M-detector at 0645dab. No other number is in the method but what
+follows from the sensor, as the README asks (lines 98 to 104): depth images as far apart as scans, pixels no finer than
+rays, the view that the sensor has. For KITTI's sensor the file gives a view from -23 to 2 degrees (lines 22, 23), two
+degrees less than the sensor's own.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from automos.baselines.depth_images import Window
@@ -20,14 +24,11 @@ class Parameters:
     images : int
         Past depth images asked.
     gap : float
-        Seconds between them.
+        Seconds between them, of faster sensors.
     row, column : float
         Rad, pixel of a depth image in elevation and azimuth.
-    min_range : float
-        Metres, nearer points are not events: the vehicle itself.
-    edge : float
-        Share of a scan's points at the top and at the bottom of the view that are not events: past images see but one
-        side of them. The authors give elevations (for KITTI -23 to 2 degrees), this is what these leave out.
+    blind : float
+        Metres, nearer points are not events.
     crossing, away, nearer : Crossing and AlongRay
         The tests; windows are for pixels of `row` x `column`.
     cluster_voxel : float
@@ -44,8 +45,7 @@ class Parameters:
     gap: float
     row: float
     column: float
-    min_range: float
-    edge: float
+    blind: float
     crossing: Crossing
     away: AlongRay
     nearer: AlongRay
@@ -56,53 +56,52 @@ class Parameters:
 
 
 KITTI = Parameters(
-    images=15,
-    gap=0.1,
-    row=0.007,
-    column=0.005,
-    min_range=2.0,
-    edge=0.03,
+    images=15,  # max_depth_map_num, 14
+    gap=0.1,  # depth_map_dur, 13
+    row=0.007,  # ver_resolution_max, 104
+    column=0.005,  # hor_resolution_max, 105
+    blind=0.3,  # blind_dis, 21
     crossing=Crossing(
-        depth=0.15,
-        images=2,
-        stands=Window(0.01, 0.015, 0.15),
-        tolerance=0.15,
-        surface=0.5,
-        surface_from=10.0,
-        surface_slope=0.1,
-        surface_window=Window(0.015, 0.007),
-        surface_reach=10.0,
+        depth=0.15,  # depth_thr1, 29
+        images=2,  # occluded_map_thr1, 44
+        stands=Window(0.01, 0.015, 0.15),  # map_cons_hor_thr1, _ver_thr1, _hor_dis1, 33 to 36
+        tolerance=0.15,  # map_cons_depth_thr1, 32
+        surface=0.5,  # interp_thr1, 80
+        surface_from=10.0,  # interp_start_depth1, 82
+        surface_slope=0.1,  # interp_kp1, 83
+        surface_window=Window(0.015, 0.007),  # interp_hor_thr, interp_ver_thr, 78, 79
+        surface_reach=10.0,  # interp_static_max, 81
     ),
     away=AlongRay(
         sign=1.0,
-        same=Window(0.01, 0.015),
+        same=Window(0.01, 0.015),  # occ_hor_thr2, occ_ver_thr2, 53, 54
         depth=0.0,
-        share=0.005,
-        reach=10.15,
-        min_speed=1.0,
-        max_acceleration=7.0,
-        stands=Window(0.01, 0.01),
-        tolerance=0.2,
-        even=Window(0.01, 0.01),
-        even_depth=0.1,
-        even_reach=0.5,
+        share=0.005,  # k_depth2, 60
+        reach=10.15,  # occ_depth_thr2, 52
+        min_speed=1.0,  # v_min_thr2, 47
+        max_acceleration=7.0,  # acc_thr2, 48
+        stands=Window(0.01, 0.01),  # map_cons_hor_thr2, _ver_thr2, 50, 51
+        tolerance=0.2,  # map_cons_depth_thr2, 49
+        even=Window(0.01, 0.01),  # depth_cons_hor_thr2, _ver_thr2, 57, 58
+        even_depth=0.1,  # depth_cons_depth_thr2, 55
+        even_reach=0.5,  # depth_cons_depth_max_thr2, 56
     ),
     nearer=AlongRay(
         sign=-1.0,
-        same=Window(0.01, 0.01),
-        depth=0.15,
+        same=Window(0.01, 0.01),  # occ_hor_thr3, occ_ver_thr3, 69, 70
+        depth=0.15,  # occ_depth_thr3, 68
         share=0.0,
-        reach=100.0,
-        min_speed=0.5,
-        max_acceleration=15.0,
-        stands=Window(0.01, 0.008),
-        tolerance=0.2,
-        even=Window(0.01, 0.01),
-        even_depth=0.3,
-        even_reach=1.0,
+        reach=math.inf,
+        min_speed=0.5,  # v_min_thr3, 63
+        max_acceleration=15.0,  # acc_thr3, 64
+        stands=Window(0.01, 0.008),  # map_cons_hor_thr3, _ver_thr3, 66, 67
+        tolerance=0.2,  # map_cons_depth_thr3, 65
+        even=Window(0.01, 0.01),  # depth_cons_hor_thr3, _ver_thr3, 73, 74
+        even_depth=0.3,  # depth_cons_depth_thr3, 71
+        even_reach=1.0,  # depth_cons_depth_max_thr3, 72
     ),
-    cluster_voxel=0.3,
-    cluster_reach=2,
-    cluster_voxels=8,
-    cluster_share=0.3,
+    cluster_voxel=0.3,  # cluster_Voxel_revolusion, 99
+    cluster_reach=2,  # cluster_extend_pixel, 96
+    cluster_voxels=8,  # cluster_min_pixel_number, 97
+    cluster_share=0.3,  # cluster_thrustable_thresold, 98
 )

@@ -56,15 +56,6 @@ def shape_for(frames: Frames, row_deg: float, column_deg: float) -> ImageShape:
     return image_shape(row_deg, max(column_deg, float(np.degrees(pattern.column_width))), -_EDGE_DEG, _EDGE_DEG)
 
 
-def view_of(frames: Frames, edge: float) -> tuple[float, float]:
-    """Return the sines of elevation below and above which the share `edge` of the points of `frames` lies each."""
-    points = np.concatenate([frame.points for frame in evenly_spread(frames, 5)])
-    if not len(points):
-        return -1.0, 1.0
-    low, high = np.quantile(points[:, 2] / np.linalg.norm(points, axis=1), (edge, 1.0 - edge))
-    return float(low), float(high)
-
-
 @kernel
 def pixel_of(x, y, z, shape):  # type: ignore[no-untyped-def]
     """Return row, column and range of a point (float32) in the sensor frame; row -1 if it is out of the image."""

@@ -74,11 +74,10 @@ class ScanBoxes:
 
     def __iter__(self) -> Iterator[Box]:
         boxes = self.boxes
-        columns = (self.ids.tolist(), self.verdict, self.kind, boxes.score.tolist(), boxes.center, boxes.size)
-        for id, verdict, kind, score, center, size, yaw, velocity, is_observed in zip(
-            *columns, boxes.yaw.tolist(), self.velocity, self.observed.tolist(), strict=True
-        ):
-            yield Box(id, VERDICTS[verdict], Kind(kind), score, center, size, yaw, velocity, is_observed)
+        parts = (boxes.score.tolist(), boxes.center, boxes.size, boxes.yaw.tolist(), self.velocity)
+        columns = (self.ids.tolist(), self.verdict, self.kind, *parts, self.observed.tolist())
+        for id, verdict, kind, *rest in zip(*columns, strict=True):
+            yield Box(id, VERDICTS[verdict], Kind(kind), *rest)
 
     @property
     def moving(self) -> list[Box]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -81,7 +82,7 @@ def _messages(sequence: SimulatedSequence, types: Any) -> Iterator[tuple[int, An
     period = sequence.sensor.period
     for index in range(len(sequence)):
         nanoseconds = round(1e9 * index * period)
-        yield nanoseconds + round(1e9 * period), lambda index=index, start=nanoseconds: cloud(index, start)
+        yield nanoseconds + round(1e9 * period), partial(cloud, index, nanoseconds)
     times = np.arange(1, round(len(sequence) * period * RATE)) / RATE
     unknown = np.zeros(9)
     for time, turn, force in zip(times, *inertial(sequence, times), strict=True):

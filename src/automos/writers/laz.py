@@ -18,7 +18,7 @@ from automos.writers.point_columns import point_columns
 
 STEP = 1e-4
 """Metres: the grid of the coordinates."""
-_REACH = (2**31 - 1) * STEP
+REACH = (2**31 - 1) * STEP
 """Metres that 32 bits reach: 214 km."""
 
 
@@ -36,7 +36,7 @@ def laz_packer(run: RunFiles) -> Callable[[int], bytes]:
         header.add_extra_dims([laspy.ExtraBytesParams(name, column.dtype) for name, column in extra.items()])
         las = laspy.LasData(header)
         xyz = np.column_stack([columns[axis] for axis in "xyz"])
-        xyz = np.where((np.abs(xyz) < _REACH).all(axis=1)[:, None], xyz, np.float32(0.0))
+        xyz = np.where((np.abs(xyz) < REACH).all(axis=1)[:, None], xyz, np.float32(0.0))
         las.x, las.y, las.z = xyz.astype(np.float64).T
         if "label" in columns:
             las.classification = columns["label"].astype(np.uint8)

@@ -1,4 +1,4 @@
-"""Point Cloud Library files, binary."""
+"""Point Cloud Library files and polygon files, binary."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from automos.core.scan import Pose
 from automos.readers.columns import Columns
 from automos.readers.point_cloud2 import packed_rows
 
+_PLY_TYPES = {"f4": "float", "u2": "ushort", "u4": "uint"}
+
 
 def write_pcd(path: Path, columns: Columns, T_world_sensor: Pose | None = None) -> None:
     """Write `columns`, each (N,), as one binary PCD file, whole or not at all; `T_world_sensor` as its VIEWPOINT."""
@@ -24,7 +26,13 @@ def pcd_bytes(columns: Columns, T_world_sensor: Pose | None = None) -> bytes:
     return pcd_header({name: rows.dtype[name] for name in columns}, len(rows), T_world_sensor) + rows.tobytes()
 
 
-def pcd_header(kinds: dict[str, np.dtype], n_points: int, T_world_sensor: Pose | None = None) -> bytes:
+def ply_header(kinds: dict[str, np.dtype], n_points: int | str) -> bytes:
+    """Return the header of a binary PLY file of columns of some `kinds`."""
+    properties = "".join(f"property {_PLY_TYPES[kind.str[1:]]} {name}\n" for name, kind in kinds.items())
+    return f"ply\nformat binary_little_endian 1.0\nelement vertex {n_points}\n{properties}end_header\n".encode()
+
+
+def pcd_header(kinds: dict[str, np.dtype], n_points: int | str, T_world_sensor: Pose | None = None) -> bytes:
     """Return the header of a binary PCD file of columns of some `kinds`."""
     viewpoint = "0 0 0 1 0 0 0"
     if T_world_sensor is not None:

@@ -15,12 +15,11 @@ from automos.readers.point_cloud2 import packed_rows
 from automos.results.run_files import RunFiles
 from automos.writers.formats import Export
 from automos.writers.laz import laz_packer
-from automos.writers.pcd import pcd_bytes
+from automos.writers.pcd import pcd_bytes, ply_header
 from automos.writers.point_columns import point_columns
 
 Packer = Callable[[RunFiles], Callable[[int], bytes]]
 """Takes a run and returns what packs its scans, by their numbers."""
-_PLY_TYPES = {"f4": "float", "u2": "ushort", "u4": "uint"}
 
 
 def _export(suffix: str, holds: str, packer: Packer, is_of_points: bool = False, needs: str | None = None) -> Export:
@@ -40,9 +39,7 @@ def _of_columns(content: Callable[[Columns], bytes]) -> Packer:
 
 def _ply_bytes(columns: Columns) -> bytes:
     rows = packed_rows(columns)
-    properties = (f"property {_PLY_TYPES[column.dtype.str[1:]]} {name}\n" for name, column in columns.items())
-    header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(rows)}\n{''.join(properties)}end_header\n"
-    return header.encode() + rows.tobytes()
+    return ply_header({name: rows.dtype[name] for name in columns}, len(rows)) + rows.tobytes()
 
 
 def _panoptic(run: RunFiles) -> Callable[[int], bytes]:

@@ -12,14 +12,13 @@ import numpy.typing as npt
 from automos.core.atomic import atomic_path
 from automos.core.errors import InputError
 from automos.readers.formats import import_extra
+from automos.writers.laz import REACH, STEP
+from automos.writers.pcd import pcd_header, ply_header
 
 Write = Callable[[npt.NDArray], None]
 """Takes points (N, 3), metres."""
 
-_LAZ_STEP = 1e-4
-"""Metres."""
-_LAZ_REACH = (2**31 - 1) * _LAZ_STEP
-"""Metres that 32 bits of steps reach: 214 km."""
+_KINDS = dict.fromkeys("xyz", np.dtype("<f4"))
 
 
 @contextmanager
@@ -52,27 +51,15 @@ def check_kind(path: Path) -> None:
         import_extra("lazrs", "las")
 
 
-def _ply_header(n: int) -> str:
-    properties = "".join(f"property float {axis}\n" for axis in "xyz")
-    return f"ply\nformat binary_little_endian 1.0\nelement vertex {n:012d}\n{properties}end_header\n"
-
-
-def _pcd_header(n: int) -> str:
-    return (
-        "# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\n"
-        f"WIDTH {n:012d}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {n:012d}\nDATA binary\n"
-    )
-
-
-_HEADERS: dict[str, Callable[[int], str]] = {".ply": _ply_header, ".pcd": _pcd_header}
-"""Headers of one length whatever the number of points, so that it can be filled in at the end."""
+_HEADERS = {".ply": ply_header, ".pcd": pcd_header}
 
 
 @contextmanager
-def _open_binary(path: Path, header: Callable[[int], str]) -> Iterator[Write]:
+def _open_binary(path: Path, header: Callable[..., bytes]) -> Iterator[Write]:
+    """Give what appends; the header is of one length whatever the number of points, and filled in at the end."""
     n = 0
     with path.open("wb") as file:
-        file.write(header(0).encode())
+        file.write(header(_KINDS, f"{n:012d}"))
 
         def write(points: npt.NDArray) -> None:
             nonlocal n
@@ -81,18 +68,18 @@ def _open_binary(path: Path, header: Callable[[int], str]) -> Iterator[Write]:
 
         yield write
         file.seek(0)
-        file.write(header(n).encode())
+        file.write(header(_KINDS, f"{n:012d}"))
 
 
 @contextmanager
 def _open_laz(path: Path) -> Iterator[Write]:
     laspy, lazrs = import_extra("laspy", "las"), import_extra("lazrs", "las")
     header = laspy.LasHeader(version="1.4", point_format=6)
-    header.scales, header.offsets = np.full(3, _LAZ_STEP), np.zeros(3)
+    header.scales, header.offsets = np.full(3, STEP), np.zeros(3)
 
     def write(points: npt.NDArray) -> None:
-        if not (np.abs(points) < _LAZ_REACH).all():
-            raise InputError(f"the map reaches further than {_LAZ_REACH / 1e3:.0f} km, as LAZ does: choose --kind ply")
+        if not (np.abs(points) < REACH).all():
+            raise InputError(f"the map reaches further than {REACH / 1e3:.0f} km, as LAZ does: choose --kind ply")
         record = laspy.ScaleAwarePointRecord.zeros(len(points), header=header)
         record.x, record.y, record.z = points.astype(np.float64).T
         cloud.write_points(record)
