@@ -2,6 +2,8 @@
 
 import subprocess
 import sys
+from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,8 +14,11 @@ torch = pytest.importorskip("torch", reason="the network needs PyTorch: pip inst
 pytest.importorskip("pytorch_lightning", reason="training needs Lightning: pip install '.[train]'")
 pytest.importorskip("torchmetrics", reason="training needs torchmetrics: pip install '.[train]'")
 
+from pytorch_lightning.callbacks import EarlyStopping  # noqa: E402
+
 from automos.core.errors import InputError  # noqa: E402
 from automos.evaluation.moving import Counts, count  # noqa: E402
+from automos.network.callbacks import Told  # noqa: E402
 from automos.network.checkpoint import load_checkpoint  # noqa: E402
 from automos.network.deployed import load_network  # noqa: E402
 from automos.network.losses import segmentation_loss  # noqa: E402
@@ -155,14 +160,19 @@ def test_training_says_how_far_it_is_how_epochs_went_where_it_goes_on_and_that_i
     assert {("labels", 8, 8), ("channels", 8, 8), ("training", 2, 16), ("training", 16, 16)} <= set(ticks)
     assert [tick for tick in ticks if tick[0] == "validation"]
     assert [sentence.split(":")[0] for sentence in said] == ["epoch 1 of at most 2", "epoch 2 of at most 2"]
-    said.clear()
-    (tmp_path / "best.pt").unlink()
-    train(data, tmp_path, settings(epochs=2), device="cpu", **tell)
-    assert said[:1] == ["going on after epoch 2"] or said == []  # nothing was left to train
     with pytest.MonkeyPatch.context() as patch:
+        never = partial(EarlyStopping, min_delta=2.0)  # better by more than an IoU can be
+        patch.setattr("automos.network.training.EarlyStopping", never)
         patch.setattr("automos.network.training._PATIENCE", 1)
-        train(data, tmp_path / "still", settings(epochs=9, learning_rate=1e-9), device="cpu", **tell)
-    assert said[-1].startswith("stopped after ")
+        train(data, tmp_path / "still", settings(epochs=9), device="cpu", **tell)
+    assert said[-1] == "stopped after 2 epochs: 1 brought nothing better"
+
+
+def test_training_that_goes_on_says_from_where():
+    said = []
+    Told(lambda *tick: None, said.append).on_train_start(SimpleNamespace(current_epoch=3), None)
+    Told(lambda *tick: None, said.append).on_train_start(SimpleNamespace(current_epoch=0), None)
+    assert said == ["going on after epoch 3"]
 
 
 def test_cores_prepare_scans_beside_a_gpu_and_none_where_all_of_them_train(monkeypatch):
