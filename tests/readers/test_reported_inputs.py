@@ -5,7 +5,6 @@ times and rings where it tells them.
 """
 
 import re
-import struct
 from types import SimpleNamespace
 
 import numpy as np
@@ -350,20 +349,3 @@ def test_a_split_bag_is_one_drive_whatever_its_parts_are_called(tmp_path, drive)
     for k, name in enumerate(("drive_2024-01-01_0.bag", "drive_2024-01-01_1.bag", "a_last_part.bag")):
         write_bag(tmp_path / name, {"/points": messages[2 * k : 2 * k + 2]})
     assert_same(open_sequence(tmp_path), drive)
-
-
-def test_a_pcapng_may_hold_what_is_not_of_the_internet(tmp_path):
-    from test_packet_decode import START
-    from test_packet_decode import drive as packets_of
-    from velodyne_packets import udp, write_pcapng
-
-    packets, *_ = packets_of("PandarXT-32", 1)
-    frames = [(START + t, udp(raw)) for t, raw in packets]
-    arp = b"\xff" * 6 + b"\1\2\3\4\5\6" + b"\x08\x06" + struct.pack(">HHBBH", 1, 0x800, 6, 4, 1) + bytes(20)
-    six = b"\xff" * 6 + b"\1\2\3\4\5\6" + b"\x86\xdd" + b"\x60" + bytes(60)
-    vlan = [(t, raw[:12] + b"\x81\x00\x00\x05" + raw[12:]) for t, raw in frames]
-    noise = [(START + 0.01 * k, arp if k % 2 else six) for k in range(10)]
-    plain = open_sequence(write_pcapng(tmp_path / "plain.pcapng", frames))
-    for name, written in (("noise", sorted([*frames, *noise])), ("vlan", vlan)):
-        found = open_sequence(write_pcapng(tmp_path / f"{name}.pcapng", written))
-        np.testing.assert_array_equal(found[0].points, plain[0].points)

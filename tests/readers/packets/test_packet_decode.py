@@ -1,9 +1,11 @@
 """Every sensor in the table: packets made byte by byte from its manual come out as the points they were made of."""
 
+import struct
+
 import numpy as np
 import pytest
 import sensor_packets as made
-from velodyne_packets import udp, write_pcap
+from velodyne_packets import udp, write_pcap, write_pcapng
 
 from automos.core.errors import InputError
 from automos.readers import find_recordings, open_sequence
@@ -252,3 +254,16 @@ def test_packets_of_no_known_kind_are_none():
     for layout in LAYOUTS:
         assert layout_of(bytes(layout.size)) is None or layout.sensor == "Livox"
     assert layout_of(b"") is None
+
+
+def test_a_pcapng_may_hold_what_is_not_of_the_internet(tmp_path):
+    packets, *_ = drive("PandarXT-32", 1)
+    frames = [(START + t, udp(raw)) for t, raw in packets]
+    arp = b"\xff" * 6 + b"\1\2\3\4\5\6" + b"\x08\x06" + struct.pack(">HHBBH", 1, 0x800, 6, 4, 1) + bytes(20)
+    six = b"\xff" * 6 + b"\1\2\3\4\5\6" + b"\x86\xdd" + b"\x60" + bytes(60)
+    vlan = [(t, raw[:12] + b"\x81\x00\x00\x05" + raw[12:]) for t, raw in frames]
+    noise = [(START + 0.01 * k, arp if k % 2 else six) for k in range(10)]
+    plain = open_sequence(write_pcapng(tmp_path / "plain.pcapng", frames))
+    for name, written in (("noise", sorted([*frames, *noise])), ("vlan", vlan)):
+        found = open_sequence(write_pcapng(tmp_path / f"{name}.pcapng", written))
+        np.testing.assert_array_equal(found[0].points, plain[0].points)
