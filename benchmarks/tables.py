@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import bodies
 import numpy as np
 import rows as make
 from catalog import PRESETS
@@ -61,6 +62,8 @@ TABLES = {
     "methods-worlds": Table("methods-worlds", make.methods_of_worlds),
     "methods-drive": Table("methods-drive", make.methods_of_drive),
     "gate": Table("gate", make.gate, has_calibration=True),
+    "objects": Table("objects", bodies.objects),
+    "calibration": Table("calibration", bodies.calibration),
     "recordings": Table("recordings", make.recordings),
     "jitter": Table("jitter", make.jitter),
     "conventions": Table("conventions", make.conventions, select=make.notable_conventions),

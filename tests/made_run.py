@@ -54,15 +54,16 @@ def make_scans():
     return scans
 
 
-def make_run(folder, name="street", scans=None, timing=SweepTiming(), sweep_motion=np.zeros((3, 6))):  # noqa: B008
+def make_run(folder, name="street", scans=None, timing=None, sweep_motion=None, sequence=None):
     """Write the results into `folder`; return them, read back with the recording."""
-    sequence = ArraySequence(scans or make_scans(), STAMPS, name)
+    sequence = sequence or ArraySequence(scans or make_scans(), STAMPS, name)
     stage = Workspace(folder).stage("labels", "key")
     for scan, label, ids in zip(sequence.names, LABELS, INSTANCES, strict=True):
         stage.save(
             scan, {"label": np.array(label, np.uint8), "track": np.array(ids, np.int32) - 1, "n_body": np.array(1)}
         )
-    trajectory = Trajectory(T_WORLD_SENSOR, STAMPS, sweep_motion, timing, T_LEVEL_WORLD, {})
+    motion = np.zeros((3, 6)) if sweep_motion is None else sweep_motion
+    trajectory = Trajectory(T_WORLD_SENSOR, STAMPS, motion, timing or SweepTiming(), T_LEVEL_WORLD, {})
     Workspace(folder).stage("odometry", "first").save("all", trajectory.to_arrays())
     keys = sorted(CENTERS)
     tracks = Tracks(

@@ -45,7 +45,13 @@ OPTIONAL = (
 
 OF_TORCH = {
     *("automos.network.checkpoint", "automos.network.export", "automos.network.losses", "automos.network.model"),
-    *("automos.network.module", "automos.network.rangenet", "automos.network.salsanext", "automos.network.training"),
+    *(
+        "automos.network.callbacks",
+        "automos.network.module",
+        "automos.network.rangenet",
+        "automos.network.salsanext",
+        "automos.network.training",
+    ),
 }
 
 

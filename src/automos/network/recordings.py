@@ -21,7 +21,7 @@ from automos.core.labels import Label, to_mos
 from automos.core.run import Progress
 from automos.core.scan import Frame, Scan, Sequence
 from automos.core.workspace import Workspace, fingerprint
-from automos.evaluation.report import find_predictions
+from automos.evaluation.predictions import find_predictions
 from automos.network.images import SensorView, Window, thin
 from automos.network.projection import beam_grid
 from automos.network.residuals import SPACING, pick_past

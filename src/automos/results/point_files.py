@@ -12,6 +12,7 @@ from automos.core.errors import InputError
 from automos.core.label_files import read_confidences, read_labels
 from automos.core.labels import Label, as_probability, pack, to_mos
 from automos.core.workspace import REVIEWED, Workspace
+from automos.evaluation.predictions import tracks_of
 
 
 def no_points() -> dict[str, int]:
@@ -80,14 +81,14 @@ class PointFiles:
         InputError
             Neither the label files nor the run's stages say so.
         """
-        packed = self.packed(index, n_points)
-        if (packed >> 16).any():
-            return (packed >> 16).astype(np.int64)
-        is_moving = to_mos(packed) == Label.MOVING
-        if not is_moving.any():
-            return np.zeros(len(packed), np.int64)
-        track = self._decided(index, "track", "which object each point belongs to", "--set output.track_ids=true")
-        return np.where(is_moving, track.astype(np.int64) + 1, 0)
+        tracks = self.tracks_of_points(index, n_points)
+        if tracks is None:
+            raise self._silent("which object each point belongs to", "--set output.track_ids=true")
+        return tracks
+
+    def tracks_of_points(self, index: int, n_points: int | None = None) -> npt.NDArray[np.int64] | None:
+        """Return what `instances` does, or None where nothing says so."""
+        return tracks_of(self.folder, self.names[index], self.packed(index, n_points))
 
     def confidence(self, index: int) -> npt.NDArray[np.float32]:
         """Return (N,) the probability in [0, 1] that each label of scan `index` is right, 0 where nothing was found.
@@ -100,12 +101,13 @@ class PointFiles:
         path = self.folder / "confidences" / f"{self.names[index]}.npy"
         if path.exists():
             return read_confidences(path, len(self.packed(index)))
-        return as_probability(self._decided(index, "confidence", "how sure each label is", "--confidence"))
-
-    def _decided(self, index: int, what: str, asked: str, option: str) -> npt.NDArray:
-        """Return `what` (N,) a person decided of scan `index`, where anything was, else what the run found."""
         key, name = Workspace(self.folder).read_run().get("stages", {}).get("labels"), self.names[index]
-        for stage in (REVIEWED, "labels"):
+        for stage in (REVIEWED, "labels"):  # what a person decided, where anything was, else what the run found
             if (self.folder / "stages" / f"{stage}-{key}" / f"{name}.npz").exists():
-                return Workspace(self.folder).stage(stage, str(key)).load(name, what)[what]
-        raise InputError(f"{self.folder} does not say {asked}; label again with {option}")
+                return as_probability(
+                    Workspace(self.folder).stage(stage, str(key)).load(name, "confidence")["confidence"]
+                )
+        raise self._silent("how sure each label is", "--confidence")
+
+    def _silent(self, asked: str, option: str) -> InputError:
+        return InputError(f"{self.folder} does not say {asked}; label again with {option}")

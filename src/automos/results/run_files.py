@@ -23,7 +23,7 @@ from automos.core.pose_files import read_poses
 from automos.core.scan import GROUND, Frame, Points, Pose, Scan, Sequence
 from automos.core.upright_boxes import Boxes
 from automos.core.workspace import Workspace, require_same
-from automos.evaluation.report import find_predictions
+from automos.evaluation.predictions import find_predictions
 from automos.objects.kinds import Kind
 from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.trajectory import SequenceFrames, Trajectory, make_frame

@@ -64,10 +64,10 @@ class _Track(_Strict):
 
 class _Tracks(_Strict):
     T_world_level: Annotated[list[Row], Field(min_length=4, max_length=4)]
-    tracks: list[_Track]
+    tracks: list[Any]
 
 
-_TRACKS = TypeAdapter(_Tracks)
+_TRACKS, _TRACK = TypeAdapter(_Tracks), TypeAdapter(_Track)
 
 
 def read_tracks(path: Path, n_scans: int) -> dict[str, Any]:
@@ -81,6 +81,8 @@ def read_tracks(path: Path, n_scans: int) -> dict[str, Any]:
     try:
         document: dict[str, Any] = read_json(path)
         checked(_TRACKS, document)
+        for track in document["tracks"]:  # one by one, as a check holds a copy of what it checks
+            checked(_TRACK, track)
         T = np.array(document["T_world_level"])
         if np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() > 1e-3 or not np.array_equal(T[3], [0.0, 0.0, 0.0, 1.0]):
             raise ValueError("T_world_level is not a rigid transform")

@@ -14,7 +14,8 @@ from automos.core.geometry import quaternion_of
 from automos.core.scan import Pose, Scan
 from automos.labeler import LabelledScan
 from automos.readers.formats import import_extra
-from automos.writers.point_columns import packed_rows, scan_columns
+from automos.readers.point_cloud2 import packed_rows
+from automos.writers.point_columns import scan_columns
 
 WORLD, LIDAR = "world", "lidar"
 _BACKLOG = 8

@@ -23,7 +23,7 @@ _SCAN_FILES = ("panoptic", "instances", "pcd", "ply", "laz")
 EXPORTS: tuple[str, ...] = (
     "semantickitti", *_SCAN_FILES, "parquet", "mcap",
     "kitti_tracking", "nuscenes", "nuscenes-tables", "t4", "openpcdet", "mmdet3d", "openlabel",
-    "cvat", "segments", "supervisely", "sustech", "flow-av2", "opensceneflow", "dynamicmap",
+    "cvat", "segments", "supervisely", "sustech", "flow-av2", "opensceneflow", "dynamicmap", "ncore", "drivestudio",
 )  # fmt: skip
 """Formats that results are written in: those of `scan_files`, and a module each, a dash there an underscore."""
 

@@ -35,14 +35,15 @@ Tables = dict[str, list[dict[str, Any]]]
 
 
 class Layout(NamedTuple):
-    """Where the parts lie below the root, and what the sensor is called."""
+    """Where the parts lie below the root, and what the sensor and a log's day are called."""
 
     tables: str
     clouds: str
     channel: str
+    day: str
 
 
-_NUSCENES = Layout("v1.0-automos", "samples/LIDAR_TOP", "LIDAR_TOP")
+_NUSCENES = Layout("v1.0-automos", "samples/LIDAR_TOP", "LIDAR_TOP", "date_captured")
 
 
 def write(run: RunFiles, out: Path, layout: Layout = _NUSCENES) -> None:
@@ -97,7 +98,7 @@ def _fixed_tables(run: RunFiles, name: _Tokens, layout: Layout) -> Tables:
         "visibility": [{"token": token, "level": level, "description": ""} for token, level in _LEVELS.items()],
         "sensor": [{"token": name("sensor"), "channel": layout.channel, "modality": "lidar"}],
         "calibrated_sensor": [{**mount, "camera_distortion": []}],
-        "log": [{**log, "date_captured": "", "data_captured": ""}],
+        "log": [{**log, layout.day: ""}],
         "scene": [{**scene, "description": "moving objects labelled by automos"}],
         "map": [{**chart, "filename": "maps/empty.png"}],
         "sample_annotation": [],
@@ -150,7 +151,6 @@ def _boxes(run: RunFiles, index: int, name: _Tokens) -> list[dict[str, Any]]:
     found = []
     for box in run.boxes_level(index).moving:
         attribute = _ATTRIBUTE_OF_KIND[box.kind]
-        placed = _pose(box.pose)
         found.append(
             {
                 "token": name("box", box.id, index),
@@ -159,7 +159,7 @@ def _boxes(run: RunFiles, index: int, name: _Tokens) -> list[dict[str, Any]]:
                 "category_token": name("category", box.kind + _FIRST_KIND),
                 "visibility_token": "full" if box.is_observed else "none",
                 "attribute_tokens": [] if attribute is None else [name("attribute", attribute)],
-                **placed,
+                **_pose(box.pose),
                 "size": box.size[[1, 0, 2]].round(4).tolist(),
                 "velocity": box.velocity.round(4).tolist(),
                 "num_lidar_pts": int((instances == box.id).sum()),

@@ -9,7 +9,8 @@ import numpy as np
 from automos.core.atomic import write_bytes
 from automos.core.geometry import quaternion_of
 from automos.core.scan import Pose
-from automos.writers.point_columns import Columns, packed_rows
+from automos.readers.columns import Columns
+from automos.readers.point_cloud2 import packed_rows
 
 
 def write_pcd(path: Path, columns: Columns, T_world_sensor: Pose | None = None) -> None:

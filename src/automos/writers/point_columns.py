@@ -6,10 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.scan import Mask, Points, Scan
+from automos.readers.columns import Columns
 from automos.results.run_files import RunFiles
-
-Columns = dict[str, npt.NDArray]
-"""(N,) values of the points, by name."""
 
 
 def point_columns(run: RunFiles, index: int) -> Columns:
@@ -28,7 +26,7 @@ def point_columns(run: RunFiles, index: int) -> Columns:
         rows = run.rows_of(scan, index)
         return {name: column[rows] for name, column in columns.items()}
     return columns | {
-        "label": run.labels(index, len(scan)),
+        "label": run.labels(index, len(scan)).astype(np.uint16),
         "instance": run.instances(index, len(scan)).astype(np.uint32),
     }
 
@@ -58,12 +56,3 @@ def seen_columns(scan: Scan, points: Points) -> tuple[Columns, Mask]:
     """Return what `scan_columns` does of the points that are finite, as tools show no others, and which are (N,)."""
     is_finite = np.asarray(np.isfinite(points).all(axis=1))
     return {name: column[is_finite] for name, column in scan_columns(scan, points).items()}, is_finite
-
-
-def packed_rows(columns: Columns) -> npt.NDArray:
-    """Return (N,) structured rows of little-endian columns, without gaps."""
-    dtype = np.dtype([(name, column.dtype.newbyteorder("<")) for name, column in columns.items()])
-    rows = np.empty(len(columns["x"]), dtype)
-    for name, column in columns.items():
-        rows[name] = column
-    return rows

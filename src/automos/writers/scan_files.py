@@ -10,11 +10,13 @@ import numpy as np
 
 from automos.core.atomic import write_bytes
 from automos.core.labels import pack
+from automos.readers.columns import Columns
+from automos.readers.point_cloud2 import packed_rows
 from automos.results.run_files import RunFiles
 from automos.writers.formats import Export
 from automos.writers.laz import laz_packer
 from automos.writers.pcd import pcd_bytes
-from automos.writers.point_columns import Columns, packed_rows, point_columns
+from automos.writers.point_columns import point_columns
 
 Packer = Callable[[RunFiles], Callable[[int], bytes]]
 """Takes a run and returns what packs its scans, by their numbers."""

@@ -9,5 +9,5 @@ from automos.writers.nuscenes_tables import Layout, write
 
 EXPORT = Export(
     writes="TIER IV T4 data set: annotation/*.json, data/LIDAR_CONCAT, lidarseg",
-    write=partial(write, layout=Layout("annotation", "data/LIDAR_CONCAT", "LIDAR_CONCAT")),
+    write=partial(write, layout=Layout("annotation", "data/LIDAR_CONCAT", "LIDAR_CONCAT", "data_captured")),
 )

@@ -1,4 +1,4 @@
-"""From the packets of a Velodyne's sweep to a scan, by velodyne-decoder: of a file, or of what just arrived."""
+"""From the packets of a Velodyne's sweep to its points, by velodyne-decoder, which knows each model's calibration."""
 
 from __future__ import annotations
 
@@ -11,18 +11,19 @@ import numpy as np
 import yaml
 
 from automos.core.errors import InputError
-from automos.core.scan import Scan
 from automos.readers.columns import Columns
 from automos.readers.formats import import_extra
-from automos.readers.pcap import Datagrams
-from automos.readers.velodyne_sweeps import clock_of
+from automos.readers.packets.layouts import VELODYNE
+from automos.readers.packets.pcap import Datagrams
 
 FACTORY = slice(1204, 1206)
 """Return mode and model in a packet, always the same; an HDL-64E sends its state and calibration there bytewise."""
 
 
-class SweepDecoder:
-    """Makes scans of the packets of one sensor's sweeps."""
+class VelodyneDecoder:
+    """Decodes the packets of one sensor."""
+
+    layout, warnings = VELODYNE, tuple[str, ...]()
 
     def __init__(self, packets: Iterable[bytes], source: str):
         """Take packets that contain the model, and of an HDL-64E its calibration (4160 in a row do); read when needed.
@@ -31,8 +32,8 @@ class SweepDecoder:
         """
         self._packets, self._source = packets, source
 
-    def scan(self, packets: Datagrams, stamp: float, name: str) -> Scan:
-        """Return the scan of one sweep's packets, at least one.
+    def columns(self, packets: Datagrams) -> Columns:
+        """Return x, y, z, intensity, time (s since the first) and ring of the returns in a sweep's packets.
 
         Raises
         ------
@@ -41,20 +42,9 @@ class SweepDecoder:
         MissingExtraError
             The library is not installed.
         """
-        rows = self.columns(packets)
-        return Scan(
-            np.column_stack([rows[axis] for axis in "xyz"]),
-            intensity=np.ascontiguousarray(rows["intensity"]),
-            time=np.ascontiguousarray(rows["time"]),
-            ring=rows["ring"].astype(np.uint16),
-            stamp=stamp,
-            name=name,
-        )
-
-    def columns(self, packets: Datagrams) -> Columns:
-        """Return x, y, z, intensity, time (s since the first) and ring of the returns in a sweep's packets."""
         decoder = import_extra("velodyne_decoder", "velodyne")
-        sent = zip(clock_of(packets).tolist(), packets.payloads.tolist(), strict=True)
+        clock = VELODYNE.hour + VELODYNE.clock(packets)
+        sent = zip(clock.tolist(), packets.payloads.tolist(), strict=True)
         vector = decoder.PacketVector([decoder.VelodynePacket(seconds, payload) for seconds, payload in sent])
         try:
             rows = decoder.ScanDecoder(self._config).decode(vector, as_pcl_structs=True)[1]

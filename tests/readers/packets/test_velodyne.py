@@ -23,7 +23,8 @@ from automos.cli import app
 from automos.core.errors import InputError, MissingExtraError
 from automos.core.labels import Label
 from automos.readers import find_recordings, open_sequence
-from automos.readers.velodyne import VelodyneSequence, find
+from automos.readers.packets import FORMAT
+from automos.readers.packets.sequence import PacketSequence
 
 decoder = pytest.importorskip("velodyne_decoder")
 
@@ -116,7 +117,7 @@ def test_a_capture_may_be_read_in_pieces_of_any_size(tmp_path, monkeypatch, n_by
     returns = room(n_packets=250)
     path = capture(tmp_path / "drive.pcap", data_packets(*returns))
     whole = open_sequence(path)
-    monkeypatch.setattr("automos.readers.pcap._PIECE", n_bytes)
+    monkeypatch.setattr("automos.readers.packets.pcap._PIECE", n_bytes)
     pieces = open_sequence(path)
     np.testing.assert_array_equal(pieces.stamps, whole.stamps)
     assert_same_returns(pieces, *returns)
@@ -241,13 +242,13 @@ def test_whose_packets_a_capture_holds_is_told_by_them_not_by_its_name(tmp_path)
     velodyne = capture(tmp_path / "a.pcap", data_packets(*room(n_packets=10)))
     other = write_pcap(tmp_path / "b.pcap", [(HOUR, udp(bytes(3392), port=7502))])
     assert find_recordings(tmp_path) == [velodyne]
-    assert find(other) == []
-    with pytest.raises(InputError, match=r"b.pcap has no metadata b.json beside it, .* no packets of a Velodyne"):
+    assert FORMAT.find(other) == []
+    with pytest.raises(InputError, match=r"b.pcap has no metadata b.json beside it, .* no packets of a known Velodyne"):
         open_sequence(other)
-    with pytest.raises(InputError, match=r"b.pcap is not a recording of format 'velodyne' \(Velodyne packets: a .pcap"):
+    with pytest.raises(InputError, match=r"b.pcap is not a recording of format 'packets' \(packets: .pcap"):
         open_sequence(other, "velodyne")
-    with pytest.raises(InputError, match=r"b.pcap holds no packets of a Velodyne; give another file"):
-        VelodyneSequence(other)
+    with pytest.raises(InputError, match=r"b.pcap holds no packets of a known Velodyne; give another file"):
+        PacketSequence(other)
     with pytest.raises(InputError, match=r"a.pcap has no metadata a.json beside it"):
         open_sequence(velodyne, "ouster")
 
@@ -277,10 +278,10 @@ def test_a_capture_of_another_kind_is_told(tmp_path):
     path = tmp_path / "drive.pcap"
     path.write_bytes(b"no packets at all, but text")
     with pytest.raises(InputError, match=r"drive.pcap is not a capture of packets"):
-        VelodyneSequence(path)
+        PacketSequence(path)
     write_pcap(path, [], link=105)
     with pytest.raises(InputError, match=r"drive.pcap was captured on a link of type 105, which is not read"):
-        VelodyneSequence(path)
+        PacketSequence(path)
 
 
 @pytest.mark.parametrize(("order", "resolution"), [("<", 6), (">", 6), ("<", 9), ("<", 128 | 20)])
@@ -310,13 +311,15 @@ def test_a_capture_of_wiresharks_kind_that_is_cut_empty_or_damaged_is_told(tmp_p
         if whole[at : at + 4] == b"\x06\0\0\0":
             path.write_bytes(whole[: at + 4] + bytes(4) + whole[at + 8 :])
     with pytest.raises(InputError, match=r"drive.pcapng ends within a packet"):
-        VelodyneSequence(path)
+        PacketSequence(path)
     write_pcapng(path, [])
-    with pytest.raises(InputError, match=r"drive.pcapng has no metadata drive.json beside it, .* no packets of a Velo"):
+    with pytest.raises(
+        InputError, match=r"drive.pcapng has no metadata drive.json beside it, .* no packets of a known Velo"
+    ):
         open_sequence(path)
     write_pcapng(path, frames, link=105)
-    with pytest.raises(InputError, match=r"drive.pcapng holds no packets of a Velodyne"):
-        VelodyneSequence(path)
+    with pytest.raises(InputError, match=r"drive.pcapng holds no packets of a known Velodyne"):
+        PacketSequence(path)
 
 
 def test_clocks_that_run_backwards_are_told(tmp_path):
@@ -342,7 +345,7 @@ def test_a_sweep_without_returns_is_an_empty_scan(tmp_path):
 def test_without_the_extra_the_command_to_install_it_is_named(tmp_path, monkeypatch):
     path = capture(tmp_path / "drive.pcap", data_packets(*room(n_packets=10)))
     monkeypatch.setitem(__import__("sys").modules, "velodyne_decoder", None)
-    assert find(path) == [path]
+    assert FORMAT.find(path) == [path]
     with pytest.raises(MissingExtraError, match=r"pip install '.*\[velodyne\]'"):
         open_sequence(path)
 
