@@ -329,7 +329,7 @@ def lags(rows: list[Row]) -> Lines:
     for title, of in (("departures, metres: median", 50), ("worst tenth", 90)):
         found = ([one["metres"] for row in rows if row["lag"] == lag for one in row["departures"]] for lag in columns)
         far = ([np.inf if metres is None else metres for metres in own] for own in found)
-        lines.append([title, *(f"{np.percentile(own, of):.2f}" if own else "" for own in far)])
+        lines.append([title, *(f"{np.percentile(own, of, method='higher'):.2f}" if own else "" for own in far)])
     return lines
 
 
