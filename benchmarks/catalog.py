@@ -280,15 +280,14 @@ BENCHMARKS = {
         leaves_out="the first 12 scans",
         is_timed=True,
     ),
-    "online-suite": Benchmark(
-        "lag against quality on the gate's worlds",
-        "60 min",
-        "online_suite.py",
-        options={
-            "arguments": ("--store", "STORE", "--seeds", "100"),
-            "quick": ("--scenarios", *FEW, "--sensors", "VLP-16"),
-        },
-        leaves_out="the first 12 scans",
+    "lags": Benchmark(
+        "lag against quality: recordings, worlds, first scans, departures",
+        "3 h",
+        "lags:score",
+        (*REAL, "lyft_5hz", *worlds(SCENARIOS, ("VLP-16", "HDL-64E"), 60, (100,))),
+        sweep=tuple({"lag": lag} for lag in (0.0, 0.2, 0.5, 1.0, 2.0, "all")),
+        quick=(*REAL, "lyft_5hz", *worlds(FEW, ("VLP-16",), 60, (100,))),
+        quick_sweep=tuple({"lag": lag} for lag in (0.0, 0.5, "all")),
     ),
     "table-2": Benchmark(
         "Table II: networks trained on automatic and on true labels",

@@ -328,15 +328,22 @@ def online(rows: list[Row]) -> Lines:
     return lines
 
 
-def online_suite(rows: list[Row]) -> Lines:
-    """Return one row a sensor and lag: mean and worst of worlds in which something moves, false points elsewhere."""
-    lines = [["sensor, lag", "mean IoU", "worst world", "false points where nothing moves"]]
-    for sensor, lag in dict.fromkeys(tuple(row["cell"][2:]) for row in rows):
-        own = [row for row in rows if row["cell"][2:] == [sensor, lag]]
-        worst = min((row for row in own if has_movers(row)), key=lambda row: row["iou"])
-        false = sum(row["false_points"] for row in own if not has_movers(row))
-        of_worst = f"{percent(worst['iou'])} `{worst['cell'][1]}`"
-        lines.append([f"{sensor}, {lag:g} s", percent(mean_iou(own)), of_worst, f"{false:,}"])
+def lags(rows: list[Row]) -> Lines:
+    """Return one row a recording: IoU at each lag, false points where nothing moves; last, means over worlds."""
+    named = {(row["recording"], row["lag"]): row for row in rows}
+    columns = _names(rows, lambda row: row["lag"])
+    lines = [["recording", *(lag if lag == "all" else f"{lag:g} s" for lag in columns)]]
+    for name in _names(rows, lambda row: row["recording"]):
+        cells = (named.get((name, lag)) for lag in columns)
+        lines.append([f"`{name}`", *("" if row is None else _with_false(row) for row in cells)])
+    for part, title in (("", "worlds, all scans"), ("start_", "worlds, first ten scans")):
+        of_lag = ([row for row in rows if row["lag"] == lag and sensor_of(row)] for lag in columns)
+        ious = ([row[f"{part}iou"] for row in own if row[f"{part}iou"] is not None] for own in of_lag)
+        lines.append([f"{title}, mean", *(percent(float(np.mean(own)) if own else None) for own in ious)])
+    for title, of in (("departures, metres: median", 50), ("worst tenth", 90)):
+        found = ([one["metres"] for row in rows if row["lag"] == lag for one in row["departures"]] for lag in columns)
+        far = ([np.inf if metres is None else metres for metres in own] for own in found)
+        lines.append([title, *(f"{np.percentile(own, of, method='higher'):.2f}" if own else "" for own in far)])
     return lines
 
 

@@ -77,7 +77,7 @@ TABLES = {
     "stages": Table("stages", make.stages),
     "odometry-speed": Table("odometry-speed", make.odometry_speed),
     "online": Table("online", make.online),
-    "online-suite": Table("online-suite", make.online_suite),
+    "lags": Table("lags", make.lags),
     "table-2": Table("table-2", make.networks),
     "table-3": Table("table-3", make.networks),
     "fine-tuning": Table("table-3", make.fine_tuning),

@@ -15,6 +15,7 @@ import bodies
 import catalog
 import compare
 import experiment
+import lags
 import recordings
 import rows
 import run
@@ -265,3 +266,26 @@ def test_as_many_bodies_move_as_their_probability_says_or_the_table_shows_by_how
     assert 0.72 < low < 0.75 < 0.85 < high < 0.88
     assert doubtful[heading.index("interval is off by")] == f"{low - 0.51:.2f}"
     assert doubtful[-2:] == ["500 at 0.510", "0.800"]
+
+
+def test_a_departure_counts_the_metres_until_half_of_the_points_are_called_moving():
+    stamps, moves = 0.1 * np.arange(20), np.arange(20) >= 12
+    places = [np.array([max(k - 11, 0) * 0.2, 0.0, 0.0]) for k in range(20)]
+    called = np.where(np.arange(20) >= 14, 0.6, 0.4)
+    found = lags._departure(3, stamps, [40] * 20, moves, called, places)
+    assert found == {"object": 3, "at": pytest.approx(1.2), "points": 40, "metres": pytest.approx(0.4)}
+    assert np.isnan(lags._departure(3, stamps, [40] * 20, moves, [0.0] * 20, places)["metres"])
+    assert lags._departure(3, stamps, [20] * 20, moves, called, places) is None  # not in plain view
+    assert lags._departure(3, stamps[8:], [40] * 12, moves[8:], called[8:], places[8:]) is None  # not long enough
+
+
+def test_lags_have_a_row_a_recording_then_worlds_starts_and_departures():
+    made = [
+        labelled("city:VLP-16:60:1", 0.8 + 0.1 * (lag == "all"), 5, lag=lag, start_iou=0.5, departures=metres)
+        for lag, metres in ((0.0, [{"metres": 0.5}, {"metres": None}]), ("all", [{"metres": 0.0}]))
+    ]
+    heading, world, whole, start, median, worst = rows.lags(made)
+    assert heading == ["recording", "0 s", "all"]
+    assert world == ["`city:VLP-16:60:1`", "80.0 (5)", "90.0 (5)"]
+    assert (whole[1:], start[1:]) == (["80.0", "90.0"], ["50.0", "50.0"])
+    assert (median[1:], worst[1:]) == (["inf", "0.00"], ["inf", "0.00"])

@@ -160,3 +160,12 @@ def test_scans_half_a_second_apart_still_tell(busy):
     every_fifth = ListFrames([busy[0][i] for i in range(0, 40, 5)])
     moved, _ = shares(every_fifth, van(-8.0, 5.0, speed=8.0), range(1, 7))
     assert moved > 0.7
+
+
+def test_at_the_start_what_the_one_other_scan_has_hit_has_stayed(quiet):
+    frames, _ = quiet
+    two = ListFrames([frames[0], frames[1]])
+    for net, kind in evidence_of(two).values():
+        known = net[(kind == OBJECT) & (net != 0.0)]
+        assert len(known) > 0.5 * np.count_nonzero(kind == OBJECT)
+        assert (known < -CandidatesSettings().free_space.stay_weight).mean() > 0.99

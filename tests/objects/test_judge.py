@@ -116,19 +116,19 @@ def test_no_scan_says_more_than_the_odds_of_its_being_wrong():
 
 def test_unknown_points_count_only_where_others_were_asked():
     _, seen = one_track(STRAIGHT, moved=0.0, stayed=0.0)
-    assert segment_terms(seen[0], is_asked=False).evidence[0] == pytest.approx(BODY)
+    assert segment_terms(seen[0], is_asked=False).evidence[0] == 0.0
     assert segment_terms(seen[0]).evidence[0] != pytest.approx(BODY)
 
 
 def test_what_lets_through_the_rays_that_meet_it_and_pieces_are_seldom_bodies():
     _, seen = one_track(STRAIGHT, n_points=100, moved=0.0)
-    whole = segment_terms(seen[0], is_asked=False).evidence[0]
+    whole = segment_terms(seen[0]).evidence[0]
     share_of_a_face = 1.0 - 1.5 / 10.0 + 0.5 / 100.0
     for solidity, through in ((share_of_a_face, 0.0), (0.5 * share_of_a_face, 1.0), (0.0, 1.0 / LEAST_SOLID)):
         seen[0].solidity[:] = solidity
-        assert segment_terms(seen[0], is_asked=False).evidence[0] == pytest.approx(whole + POROUS * through)
+        assert segment_terms(seen[0]).evidence[0] == pytest.approx(whole + POROUS * through)
     seen[0].solidity[:], seen[0].part_of[:] = 1.0, 0
-    assert segment_terms(seen[0], is_asked=False).evidence[0] == pytest.approx(whole + PIECE)
+    assert segment_terms(seen[0]).evidence[0] == pytest.approx(whole + PIECE)
 
 
 def test_what_keeps_its_foot_is_steady_though_its_roof_is_hidden_now_and_then():

@@ -91,13 +91,18 @@ def partners_of(stamp: float, stamps: Array, is_far: Mask, settings: FreeSpaceSe
     """Return which scans at `stamps` (N,) report on the one at `stamp`: the nearest to each span, in order.
 
     The scan itself is not among them. Over longer spans only the scans `is_far` (N,) report. They are `far_step` apart,
-    so that few images must be kept for long.
+    so that few images must be kept for long. At the start of a stream, where none is near a span, the nearest reports.
     """
     spans = np.asarray(settings.spans)
     is_long = spans > settings.far_from
     near_ids = _nearest(stamp, stamps, np.arange(len(stamps)), spans[~is_long])
     chosen = np.union1d(near_ids, _nearest(stamp, stamps, np.flatnonzero(is_far), spans[is_long]))
-    return chosen[stamps[chosen] != stamp]
+    chosen = chosen[stamps[chosen] != stamp]
+    if len(chosen) == 0 and len(stamps) > 1:
+        away = np.abs(stamps - stamp)
+        away[away == 0.0] = np.inf
+        chosen = np.flatnonzero((away == away.min()) & (away <= spans.max()))[:1]
+    return chosen
 
 
 def _nearest(stamp: float, stamps: Array, ids: Rows, spans: Array) -> Rows:
@@ -152,7 +157,8 @@ def _ask_part(
     points, about = np.take(points, ids, axis=1), [np.take(column, ids) for column in about]
     for k in set(range(len(others))) - first:
         votes[k, ids] = _vote(mine, points, about, others[k], settings)
-    return sum_votes(votes, int(np.searchsorted(offsets, 0.0)), settings.stay_weight)
+    # However few were asked: what all of them hit weighs as much as one that saw through.
+    return sum_votes(votes, int(np.searchsorted(offsets, 0.0)), max(settings.stay_weight, 1.0 / max(len(others), 1)))
 
 
 def _vote(

@@ -70,7 +70,8 @@ class SegmentTerms(ColumnData):
 def segment_terms(found: Detections, is_asked: bool = True) -> SegmentTerms:
     """Return the terms of the segments of a scan.
 
-    Unknown points count as evidence only if scans a second or more away were asked (`is_asked`).
+    Unknown points count as evidence only if scans a second or more away were asked (`is_asked`); else segments of
+    which nothing is known say nothing.
 
     Equations: counts, doubt
     """
@@ -79,7 +80,8 @@ def segment_terms(found: Detections, is_asked: bool = True) -> SegmentTerms:
     porosity = np.clip(1.0 - found.solidity / (1.0 - 1.5 / np.sqrt(n) + 0.5 / n), 0.0, 1.0)
     of_bodies = PIECE * (found.part_of >= 0) + POROUS * porosity / np.maximum(1.0 - porosity, LEAST_SOLID)
     center, half = found.boxes.center[:, 2], 0.5 * found.boxes.size[:, 2]
-    evidence = BODY + of_bodies + _doubted(_evidence(found, is_asked), WRONG)
+    says = is_asked | (found.n_moving + found.n_static > 0.0)
+    evidence = says * (BODY + of_bodies + _doubted(_evidence(found, is_asked), WRONG))
     return SegmentTerms(np.stack([center - half, center + half], axis=-1), evidence)
 
 

@@ -27,7 +27,8 @@ from automos.settings import TrackingSettings
 MEMORY = 8.0
 """Seconds of a track that are kept scan by scan; as many as the lag if that is longer."""
 SURE = 0.9
-"""Probability from which on what is too small or young to be a body moves: its pose and evidence may soon change."""
+"""Probability from which on what is too small or young to be a body moves: its pose and evidence may soon change. At
+the start everything is young, and nothing can be said of what was there before."""
 FEW = 3
 """Scans that make a sight of something: fewer may be one error."""
 RECENT = 1.0
@@ -129,7 +130,8 @@ class Following:
         """Return the verdicts on the tracks, moving for those that have moved in their life or in the last second."""
         of_life = judge_tracks(tracks, terms, stamps, past)
         is_unsure = is_small(tracks, len(tracks), [step.found for step in steps], stamps) & (of_life.confidence < SURE)
-        of_life = _not_moving(of_life, of_life.is_moving & is_unsure)
+        is_new = tracks.scan[tracks.first_rows()] > 0
+        of_life = _not_moving(of_life, of_life.is_moving & is_unsure & is_new)
         late = is_recent[tracks.scan]
         n_seen = [np.bincount(tracks.track, part & tracks.is_observed, len(tracks)) for part in (late, ~late)]
         lately = judge_tracks(tracks[np.flatnonzero(late)], terms, stamps, Past.nothing(len(tracks)))

@@ -124,13 +124,13 @@ class Segmenting:
         self._start = min(self._start, sighted.stamp)
         self._renew(sighted)
         self._place(sighted.refined)
-        renewed += self._update_doubted()
         held = _Held(number, sighted.stamp, sighted.frame, sighted.seen)
         self._held.append(held)
         self._lidars = sighted.lidars
         if held.seen is not None:
             self._window.add(held.stamp, held.seen, held.frame.T_level_sensor)
         self._find_segments(held)
+        renewed += self._update_doubted()
         return self._release(held.stamp, renewed)
 
     def finish(self) -> Segmented:
@@ -169,8 +169,8 @@ class Segmenting:
 
     def _update_doubted(self) -> list[Future[Found]]:
         """Update the evidence of the last scans if it was based on few scans or on outdated poses."""
-        n, renewed = len(self._window), []
-        few = [held for held in self._growing if held.n_compared < FEW <= n]
+        n, renewed = len(self._window) - 1, []
+        few = [held for held in self._growing if held.n_compared < min(FEW, n)]
         doubted = [self._doubted.popleft() for _ in range(min(AGAIN, len(self._doubted)))]
         for held in few or doubted:
             held.n_compared = n
