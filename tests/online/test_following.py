@@ -59,14 +59,17 @@ def seen_to_move(share: float, x: float) -> Detections:
     return Detections.of_objects(cars(x).boxes, *counts)
 
 
-def test_what_was_seen_for_a_moment_moves_only_if_that_is_sure():
+@pytest.mark.parametrize("is_at_start", [False, True])
+def test_what_appears_for_a_moment_moves_only_if_that_is_sure_but_at_the_start_everything_does(is_at_start):
     following, p = Following(SETTINGS, 0.0), []
+    if not is_at_start:
+        following.add(-0.1, cars(), ASKED)
     for k in range(8):
         following.add(0.1 * k, seen_to_move(0.3, 1.0 * k), ASKED)
         verdicts = following.at(0.1 * k, []).verdicts
         p.append((bool(verdicts.is_moving[0]), probability(following, 0.1 * k)))
     assert 0.5 < p[3][1] < SURE
-    assert not p[3][0]  # after 0.3 s
+    assert p[3][0] == is_at_start  # after 0.3 s
     assert p[-1][0]  # after 0.7 s
 
 
