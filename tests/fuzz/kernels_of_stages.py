@@ -19,8 +19,9 @@ from automos.evidence.ground import find_ground
 from automos.evidence.look_through import look_through
 from automos.evidence.paper import erasor, erasor_bins
 from automos.evidence.paper.region_ground import fit_region_ground
-from automos.objects import detect, face_paths, places
+from automos.objects import detect, places
 from automos.objects.boxes import fit_boxes
+from automos.objects.judge import path_terms
 from automos.objects.motion import smooth
 from automos.objects.object_points import paint_objects
 from automos.objects.paper import hierarchy
@@ -113,10 +114,11 @@ def _tracking(points: np.ndarray) -> None:
     smooth(np.arange(len(points)) * 0.1, np.full(len(points), np.nan), 0.01, 1.0)
     smooth(points[:, 1].astype(float), points[:, 0].astype(float), 0.01, 1.0)
     values = points.astype(float)
-    state_probabilities(values[:, :2], np.arange(len(points)) * 0.1, 0.1, 0.01, 0.02, 0.5)
+    whole = np.array([0, len(points)])
+    state_probabilities(whole, np.arange(len(points)) * 0.1, values[:, 0], 0.1, 0.01, 0.02)
     columns = places.touched_columns(make_boxes(np.clip(np.nan_to_num(points), -50, 50)))
     places.held_places(points, some, ~some, columns)
-    face_paths.face_scatter(np.array([0, len(points)]), np.hstack([values, values]))
+    path_terms(whole, np.arange(len(points)) * 0.1, np.hstack([values, values])[:, :4])
 
 
 def _odometry(points: np.ndarray) -> None:

@@ -70,7 +70,7 @@ CLIMBING = np.random.default_rng(1).uniform(0.0, 3.0, 20)
         ({"center": STRAIGHT}, Verdict.MOVING),
         ({"center": STRAIGHT, "moved": 0.6, "stayed": 0.1}, Verdict.MOVING),
         ({"center": STRAIGHT, "moved": 0.01, "stayed": 0.99}, Verdict.STATIC),
-        ({"center": STRAIGHT, "moved": 0.0, "stayed": 0.0}, Verdict.STATIC),
+        ({"center": STRAIGHT, "moved": 0.0, "stayed": 0.0}, Verdict.MOVING),
         ({"center": SHAKING, "moved": 0.2, "stayed": 0.3, "z": CLIMBING}, Verdict.STATIC),
         ({"center": 0.001 * STRAIGHT, "moved": 0.05, "stayed": 0.9}, Verdict.STATIC),
         ({"center": STRAIGHT[:1]}, Verdict.STATIC),

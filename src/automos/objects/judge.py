@@ -14,6 +14,8 @@ rays that meet it; rain, dust, spray and leaves let rays through. On a square fa
 sqrt(n) + 0.5 / n of the neighbours of a ray are on the face, too; porosity is the missing part of that share. What
 stands on the ground keeps the height of its bottom or top; segments of trees and walls do not.
 
+*Way*: a net displacement of many standard deviations speaks for motion whatever the points say (`path_terms`).
+
 *Moves now* follows from the velocity of the body's box (`moving_now`).
 
 Scans within a look are not independent and count by the time between them.
@@ -27,14 +29,13 @@ from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import gammaln
+from scipy.special import expit, gammaln, logit
 
 from automos.core.column_data import ColumnData
 from automos.core.scan import Mask
 from automos.objects.detections import Detections
-from automos.objects.face_paths import face_scatter
-from automos.objects.motion import NOISE
-from automos.objects.states import chain_of_two
+from automos.objects.motion import NOISE, smooth_paths
+from automos.objects.states import state_probabilities
 from automos.objects.tracks import Tracks
 from automos.objects.verdict import Verdict, Verdicts
 
@@ -46,9 +47,10 @@ static object."""
 LOOK = 1.7  # seconds within which scans say the same
 WRONG = 0.001  # share of looks in which the evidence is that of the other state
 START, BEGIN, END = 0.12, 0.003, 0.02  # probability of motion in the first scan; changes of state per second
-BODY, PIECE, POROUS, UNSTEADY = 1.8, -3.2, -0.5, -0.6  # log-odds of moving per look: of all, and per unit of a term
+BODY, PIECE, POROUS, UNSTEADY = 1.8, -3.2, -0.5, -0.8  # log-odds of moving per look: of all, and per unit of a term
 LEAST_SOLID = 0.1  # lower limit of solidity relative to that of a solid face
 LEAST_SCATTER = 0.05  # metres, of the faces of a box
+DISPLACED, LEFT = 0.9, -2.9  # log-odds of a way: per factor e of it over its standard deviation, and of none
 SPEED = 5.0  # m/s, scale of the velocities of movers
 JUMPS = 0.05  # share of looks in which a body's box says the opposite: it is cut or joined with another
 CHANGE = 0.1  # per second, rates at which movers set off and come to rest
@@ -60,11 +62,11 @@ class SegmentTerms(ColumnData):
 
     Attributes
     ----------
-    heights : (M, 2) float64, metres, of the lower and of the upper face.
+    faces : (M, 4) float64, metres: the centre along x and y, and the heights of the lower and of the upper face.
     evidence : (M,) float64, log-likelihood ratio of the points, moved against stayed, plus that of being a body.
     """
 
-    heights: Array
+    faces: Array
     evidence: Array
 
 
@@ -79,9 +81,10 @@ def segment_terms(found: Detections, is_asked: bool = True) -> SegmentTerms:
     n = np.maximum(found.n_points, 2.0)
     porosity = np.clip(1.0 - found.solidity / (1.0 - 1.5 / np.sqrt(n) + 0.5 / n), 0.0, 1.0)
     of_bodies = PIECE * (found.part_of >= 0) + POROUS * porosity / np.maximum(1.0 - porosity, LEAST_SOLID)
-    center, half = found.boxes.center[:, 2], 0.5 * found.boxes.size[:, 2]
+    x, y, z = found.boxes.center.T
+    half = 0.5 * found.boxes.size[:, 2]
     evidence = BODY + of_bodies + _doubted(_evidence(found, is_asked), WRONG)
-    return SegmentTerms(np.stack([center - half, center + half], axis=-1), evidence)
+    return SegmentTerms(np.stack([x, y, z - half, z + half], axis=-1), evidence)
 
 
 def judge_tracks(tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, is_going_on: bool = False) -> Verdicts:
@@ -94,21 +97,44 @@ def judge_tracks(tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, i
     ----------
     terms : sequence of SegmentTerms, one per scan.
     stamps : (N,) float64, seconds.
-    is_going_on : whether tracks are judged while more scans come: those of the first look share it.
+    is_going_on : whether tracks are judged while more scans come: those of the first look share it, and no way counts.
     """
     seen = np.flatnonzero(tracks.is_observed)
     first = np.searchsorted(tracks.track[seen], np.arange(len(tracks) + 1))
     n_seen, times = np.diff(first), stamps[tracks.scan[seen]]
-    every = SegmentTerms.concatenate([SegmentTerms(np.zeros((0, 2)), np.zeros(0)), *terms])
+    every = SegmentTerms.concatenate([SegmentTerms(np.zeros((0, 4)), np.zeros(0)), *terms])
     of_rows = every[_segments(tracks, seen, terms)]
-    unsteady = np.sqrt(face_scatter(first, of_rows.heights).min(axis=1)) / LEAST_SCATTER
-    ratio = of_rows.evidence + np.repeat(UNSTEADY * np.log1p(unsteady), n_seen)
+    scatter, unsteady, displaced = path_terms(first, times, of_rows.faces)
+    ratio = of_rows.evidence + np.repeat(UNSTEADY * unsteady, n_seen)
     worth = shared_looks(first, times) if is_going_on else looks(first, times)
-    _, p_ever = chain_of_two(first, times, ratio * worth, START, BEGIN, END)
+    _, p_ever = state_probabilities(first, times, ratio * worth, START, BEGIN, END)
+    if not is_going_on:  # else the way is not over
+        p_ever = expit(logit(p_ever) + DISPLACED * displaced + LEFT)
     p_ever[n_seen < 2] = 0.0
     is_moving = p_ever >= 0.5
     verdict = np.where(is_moving, Verdict.MOVING, Verdict.STATIC).astype(np.int8)
-    return Verdicts(verdict, np.where(is_moving, p_ever, 1.0 - p_ever))
+    return Verdicts(verdict, np.where(is_moving, p_ever, 1.0 - p_ever), scatter)
+
+
+def path_terms(first: npt.NDArray[np.int64], times: Array, faces: Array) -> tuple[Array, Array, Array]:
+    """Return (T,) each: scatter of centres, metres, and two logarithms: of unsteady heights, and of a track's way.
+
+    The way from first to last counts in standard deviations of the centres about their smoothed path, as segments of
+    scenery slide and jump while they come into sight.
+
+    first : (T + 1,) the first observation of each track.   times : (R,) seconds.   faces : (R, 4), see `SegmentTerms`.
+
+    Equation: way
+    """
+    path, _, _ = smooth_paths(first, times, faces)
+    begin, n = first[:-1], np.diff(first)
+    track = np.repeat(np.arange(len(n)), n)
+    squared = [np.bincount(track, column, len(n)) / np.maximum(n, 1) for column in ((faces - path) ** 2).T]
+    unsteady = np.sqrt(np.minimum(squared[2], squared[3])) / LEAST_SCATTER
+    way, is_there = np.zeros(len(n)), n > 0
+    way[is_there] = np.linalg.norm((path[first[1:][is_there] - 1] - path[begin[is_there]])[:, :2], axis=1)
+    scatter = np.sqrt(squared[0] + squared[1]) + LEAST_SCATTER
+    return scatter, np.log1p(unsteady), np.log1p(way * np.sqrt(n) / scatter)
 
 
 def moving_now(tracks: Tracks, verdicts: Verdicts, stamps: Array) -> Tracks:
@@ -123,7 +149,7 @@ def moving_now(tracks: Tracks, verdicts: Verdicts, stamps: Array) -> Tracks:
     stands = -0.5 * squared / NOISE**2 - 2.0 * np.log(NOISE)  # NOISE over a second
     times = stamps[tracks.scan]
     ratio = _doubted(moves - stands, JUMPS) * looks(first, times, 1.0)
-    p_moving, _ = chain_of_two(first, times, ratio, 0.5, CHANGE, CHANGE)
+    p_moving, _ = state_probabilities(first, times, ratio, 0.5, CHANGE, CHANGE)
     p_ever = np.where(verdicts.is_moving, verdicts.confidence, 1.0 - verdicts.confidence)
     return replace(tracks, p_moving=p_moving * p_ever[tracks.track])
 

@@ -2,14 +2,14 @@
 
     p(s_1..T, y_1..T) = p(s_1) p(y_1 | s_1) prod_t p(s_t | s_t-1; dt_t) p(y_t | s_t),    s_t in {stands, moves}
 
-The chain does not know where likelihoods come from. Filter (lag 0), fixed lag and smoother (lag infinity) are one
-model, conditioned in three ways. "Moves now" and "moved at some time" are two readings of its states: p(s_t = moves |
-y), and one minus the probability of the path that stands in every scan.
+The chain does not know where likelihoods come from. Filter, fixed lag and smoother are one model, conditioned on the
+scans that are given. "Moves now" and "moved at some time" are two readings of its states: p(s_t = moves | y), and one
+minus the probability of the path that stands in every scan.
 """
 
 from __future__ import annotations
 
-import math
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -20,46 +20,29 @@ Array = npt.NDArray[np.float64]
 
 
 def state_probabilities(
-    log_likelihoods: Array, times: Array, start: float, begin: float, end: float, lag: float = math.inf
-) -> tuple[Array, Array]:
-    """Return p_moving (T,) and p_ever (T,), given the scans that are no later than `lag` after each.
-
-    Parameters
-    ----------
-    log_likelihoods : (T, 2), log p(y_t | stands) and log p(y_t | moves), each up to a constant of the scan.
-    times : (T,) seconds, increasing.
-    start : probability that the body moves in the first scan.
-    begin, end : per second, rates at which a standing body sets off, and a moving one comes to rest.
-    lag : seconds; 0 filters, infinity smooths.
-
-    Returns
-    -------
-    p_moving : probability that the body moves in that scan.
-    p_ever : that it has moved in any scan up to the last one that is known by then.
-
-    Equations: states, readings
-    """
-    ratio = np.ascontiguousarray(log_likelihoods[:, 1] - log_likelihoods[:, 0])
-    until = np.searchsorted(times, times + lag, side="right") - 1
-    return _conditioned(np.asarray(times, np.float64), ratio, start, begin, end, until)
-
-
-def chain_of_two(
     first: npt.NDArray[np.int64], times: Array, ratio: Array, start: float, begin: float, end: float
 ) -> tuple[Array, Array]:
     """Return p_moving (R,) and p_ever (T,) of T bodies, given all of their scans.
 
-    first : (T + 1,) the first row of each body.   ratio : (R,) log-likelihood ratio of moving against standing.
+    Parameters
+    ----------
+    first : (T + 1,) the first row of each body.
+    times : (R,) seconds, increasing within a body.
+    ratio : (R,) log p(y_t | moves) - log p(y_t | stands).
+    start : probability that a body moves in its first scan.
+    begin, end : per second, rates at which a standing body sets off, and a moving one comes to rest.
+
+    Returns
+    -------
+    p_moving : probability that the body moves in that scan.
+    p_ever : that it has moved in any scan; 0 of a body without rows.
 
     Equations: states, readings
     """
     p_moving, p_ever = np.zeros(len(times)), np.zeros(len(first) - 1)
-    for k in range(len(first) - 1):
-        rows = slice(first[k], first[k + 1])
-        if first[k + 1] > first[k]:
-            until = np.full(first[k + 1] - first[k], first[k + 1] - first[k] - 1)
-            p_moving[rows], ever = _conditioned(times[rows], ratio[rows], start, begin, end, until)
-            p_ever[k] = ever[-1]
+    for k, (low, high) in enumerate(pairwise(first)):
+        if high > low:
+            p_moving[low:high], p_ever[k] = _smoothed(times[low:high], ratio[low:high], start, begin, end)
     return p_moving, p_ever
 
 
@@ -80,27 +63,22 @@ def _condition(p, ratio):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _conditioned(times, ratio, start, begin, end, until):  # type: ignore[no-untyped-def]
+def _smoothed(times, ratio, start, begin, end):  # type: ignore[no-untyped-def]
     n = len(times)
-    ahead, now, likelihood, stands = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    ahead, now = np.empty(n), np.empty(n)
     p, log_total, log_stands = start, 0.0, np.log1p(-start)
     for t in range(n):
         if t > 0:
             p = _predict(now[t - 1], times[t] - times[t - 1], begin, end)
             log_stands += np.log1p(-_predict(0.0, times[t] - times[t - 1], begin, end))
         ahead[t] = p
-        now[t], likelihood[t] = _condition(p, ratio[t])
-        log_total += likelihood[t]
-        stands[t] = log_stands - log_total
-    p_moving, p_ever = np.empty(n), np.empty(n)
-    for t in range(n - 1, -1, -1):
-        p_ever[t] = -np.expm1(min(stands[until[t]], 0.0))
-        # The belief at the next scan serves if it is conditioned on the same scans.
-        is_next = t + 1 < n and until[t] == until[t + 1]
-        p = p_moving[t + 1] if is_next else now[until[t]]
-        for k in range(t if is_next else until[t] - 1, t - 1, -1):
-            dt = times[k + 1] - times[k]
-            to_moves, to_stands = _predict(1.0, dt, begin, end), 1.0 - _predict(1.0, dt, begin, end)
-            p = now[k] * (to_moves * p / ahead[k + 1] + to_stands * (1.0 - p) / (1.0 - ahead[k + 1]))
+        now[t], likelihood = _condition(p, ratio[t])
+        log_total += likelihood
+    p_moving = now.copy()
+    for t in range(n - 2, -1, -1):
+        dt = times[t + 1] - times[t]
+        to_moves, to_stands = _predict(1.0, dt, begin, end), 1.0 - _predict(1.0, dt, begin, end)
+        p = p_moving[t + 1]
+        p = now[t] * (to_moves * p / ahead[t + 1] + to_stands * (1.0 - p) / (1.0 - ahead[t + 1]))
         p_moving[t] = min(max(p, 0.0), 1.0)
-    return p_moving, p_ever
+    return p_moving, -np.expm1(min(log_stands - log_total, 0.0))
