@@ -38,7 +38,7 @@ class Experiment:
     measure : str
         "module:function" of this folder; it takes what follows and `store`, and returns plain numbers.
     recording, method, change : str
-        See `recordings.py`; a preset or a rival; see `ablation.py`.
+        See `recordings.py`; a preset or a published method; see `ablation.py`.
     options : dict
         Further arguments.
     is_of_everything : bool

@@ -26,7 +26,7 @@ from automos import Labeler
 from automos.core.atomic import write_text
 from automos.evaluation.moving import Counts, count
 from automos.live.segment import stamped
-from automos.simulation import SCENARIOS
+from automos.simulation import LONG, SCENARIOS
 
 SENSORS = ("HDL-64E", "OS1-128", "VLP-16")
 WARM_UP = 12
@@ -61,7 +61,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--store", type=Path, required=True)
     parser.add_argument("--seeds", type=int, nargs="+", default=[100])
-    parser.add_argument("--scenarios", nargs="+", choices=SCENARIOS, default=list(SCENARIOS))
+    parser.add_argument("--scenarios", nargs="+", choices=SCENARIOS, default=[s for s in SCENARIOS if s not in LONG])
     parser.add_argument("--sensors", nargs="+", default=list(SENSORS))
     parser.add_argument("--lags", nargs="+", type=float, default=[0.0, 0.5])
     parser.add_argument("--scans", type=int, default=60)

@@ -24,6 +24,7 @@ from automos import open_sequence
 from automos.core.atomic import atomic_path
 from automos.core.errors import InputError
 from automos.core.scan import Scan, Sequence
+from automos.core.upright_boxes import Boxes, TrueBoxes
 from automos.simulation import FORMAT, Convention, simulate
 
 JITTER = 1e-4
@@ -95,6 +96,9 @@ class Jittered(Sequence):
     def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
         return self._inner.truth(index)
 
+    def truth_boxes(self, index: int) -> TrueBoxes | None:
+        return self._inner.truth_boxes(index)
+
 
 class StoredWorld(Sequence):
     """A world read from its file; points have no times and no beams, as in KITTI's files."""
@@ -105,7 +109,7 @@ class StoredWorld(Sequence):
     @cached_property
     def _facts(self) -> dict[str, npt.NDArray]:
         with np.load(self.source) as arrays:
-            return {name: arrays[name] for name in ("stamps", "levels", "poses")}
+            return {name: arrays[name] for name in ("stamps", "levels", "poses", "T_level_world")}
 
     def __len__(self) -> int:
         return len(self._facts["stamps"])
@@ -127,7 +131,13 @@ class StoredWorld(Sequence):
 
     def truth(self, index: int) -> npt.NDArray[np.uint32]:
         with np.load(self.source) as arrays:
-            return arrays[f"labels_{range(len(self))[index]}"].astype(np.uint32)
+            return arrays[f"labels_{range(len(self))[index]}"]
+
+    def truth_boxes(self, index: int) -> TrueBoxes:
+        with np.load(self.source) as arrays:
+            rows = arrays[f"boxes_{range(len(self))[index]}"]
+        boxes = Boxes(rows[:, 1:4], rows[:, 4:7], rows[:, 7], np.ones(len(rows)))
+        return TrueBoxes(rows[:, 0].astype(np.int64), boxes, self._facts["T_level_world"] @ self.reference_poses[index])
 
     def fingerprint(self) -> str:
         return f"{super().fingerprint()}:v{FORMAT}"
@@ -136,9 +146,9 @@ class StoredWorld(Sequence):
 def stored_world(store: Path, scenario: str, sensor: str, n_scans: int, seed: int) -> StoredWorld:
     """Return a world from folder `store`, simulated first where it is not there.
 
-    One .npz a world: coordinates as float32, intensity in the sensor's own steps, labels as uint8.
+    One .npz a world: coordinates as float32, intensity in the sensor's own steps, labels with instances, boxes.
     """
-    path = store / "worlds" / f"{scenario}-{sensor}-{n_scans}-{seed}-v{FORMAT}.npz"
+    path = store / "worlds" / f"{scenario}-{sensor}-{n_scans}-{seed}-v{FORMAT}-boxes.npz"
     if not path.exists():
         world = simulate(scenario, sensor, n_scans, seed)
         levels = world.sensor.levels
@@ -146,13 +156,16 @@ def stored_world(store: Path, scenario: str, sensor: str, n_scans: int, seed: in
             "stamps": world.stamps,
             "poses": world.reference_poses,
             "levels": np.array(levels),
+            "T_level_world": world.T_level_world,
         }
         for index in range(len(world)):
             scan, truth = world[index], world.truth(index)
             steps = np.round(scan.intensity * levels)
             arrays[f"points_{index}"] = scan.points
             arrays[f"intensity_{index}"] = steps.astype(np.uint8 if levels < 256 else np.uint16)
-            arrays[f"labels_{index}"] = (truth & 0xFFFF).astype(np.uint8)
+            arrays[f"labels_{index}"] = truth
+            ids, boxes, _ = world.truth_boxes(index)
+            arrays[f"boxes_{index}"] = np.column_stack([ids, boxes.center, boxes.size, boxes.yaw])
         path.parent.mkdir(parents=True, exist_ok=True)
         with atomic_path(path) as temporary, open(temporary, "wb") as file:
             np.savez(file, **arrays)

@@ -97,7 +97,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", metavar="NAME", help="; ".join(BENCHMARKS))
     parser.add_argument("--recordings", nargs="+", help="others (benchmarks/recordings.py says how they are named)")
-    parser.add_argument("--methods", nargs="+", help="others: presets, and rivals where methods are compared")
+    parser.add_argument("--methods", nargs="+", help="others: presets, published methods where they are compared")
     parser.add_argument("--changes", nargs="+", help="others (benchmarks/ablation.py says how they are written)")
     parser.add_argument("--cumulative", action="store_true", help="each change with all before it")
     parser.add_argument("--seeds", nargs="+", type=int, help="of simulated worlds, others")

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import bodies
 import numpy as np
 import rows as make
-from catalog import BENCHMARKS, PRESETS
+from catalog import PRESETS
 from labels import calibration_error
 from rows import Lines, Row, sensor_of
 
@@ -61,6 +62,8 @@ TABLES = {
     "methods-worlds": Table("methods-worlds", make.methods_of_worlds),
     "methods-drive": Table("methods-drive", make.methods_of_drive),
     "gate": Table("gate", make.gate, has_calibration=True),
+    "objects": Table("objects", bodies.objects),
+    "calibration": Table("calibration", bodies.calibration),
     "recordings": Table("recordings", make.recordings),
     "jitter": Table("jitter", make.jitter),
     "conventions": Table("conventions", make.conventions, select=make.notable_conventions),
@@ -84,8 +87,6 @@ TABLES = {
     "libraries": Table("libraries", make.libraries),
     "packages": Table("libraries", make.packages),
 }
-OVERVIEW = "benchmarks"
-"""The table of all benchmarks: what each measures, how long it takes, what was run last."""
 
 
 def pages() -> list[Path]:
@@ -134,26 +135,15 @@ def states_of(rows: list[Row]) -> str:
 
 def markdown(name: str, results: dict[str, Result]) -> str:
     """Return table `name` as the stored results have it, and what they are of; where there is none, how to make it."""
-    if name == OVERVIEW:
-        (heading, *lines), said, numbers = _overview(results), "", "---"
-    else:
-        table = TABLES[name]
-        command = f"`python benchmarks/run.py {table.benchmark}`"
-        if table.benchmark not in results:
-            return f"Not run yet: {command}.\n"
-        result = results[table.benchmark]
-        (heading, *lines), numbers = table.lines(result), "---:"
-        said = f"\n{command}, {states_of(table.rows(result) or result['rows'])}.\n"
+    table = TABLES[name]
+    command = f"`python benchmarks/run.py {table.benchmark}`"
+    if table.benchmark not in results:
+        return f"Not run yet: {command}.\n"
+    result = results[table.benchmark]
+    heading, *lines = table.lines(result)
     head, *body = (f"| {' | '.join(cells)} |\n" for cells in (heading, *lines))
-    return f"{head}|---{f'|{numbers}' * (len(heading) - 1)}|\n{''.join(body)}{said}"
-
-
-def _overview(results: dict[str, Result]) -> Lines:
-    lines = [["name", "what it measures", "takes about", "stored result"]]
-    for name, benchmark in BENCHMARKS.items():
-        stored = states_of([{"head": row["head"]} for row in results[name]["rows"]]) if name in results else "none"
-        lines.append([f"`{name}`", benchmark.what, benchmark.takes, stored])
-    return lines
+    said = f"\n{command}, {states_of(table.rows(result) or result['rows'])}.\n"
+    return f"{head}|---{'|---:' * (len(heading) - 1)}|\n{''.join(body)}{said}"
 
 
 def with_tables(page: str, results: dict[str, Result]) -> str:

@@ -11,7 +11,7 @@ from automos.objects.tracks import Tracks
 from automos.objects.verdict import Verdict, Verdicts
 from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.trajectory import Trajectory
-from automos.result import Result
+from automos.pipeline import Found
 from automos.results.run_files import RunFiles
 from automos.results.writing import write_results
 from automos.settings import load_settings
@@ -54,15 +54,16 @@ def make_scans():
     return scans
 
 
-def make_run(folder, name="street", scans=None, timing=SweepTiming(), sweep_motion=np.zeros((3, 6))):  # noqa: B008
+def make_run(folder, name="street", scans=None, timing=None, sweep_motion=None, sequence=None):
     """Write the results into `folder`; return them, read back with the recording."""
-    sequence = ArraySequence(scans or make_scans(), STAMPS, name)
+    sequence = sequence or ArraySequence(scans or make_scans(), STAMPS, name)
     stage = Workspace(folder).stage("labels", "key")
     for scan, label, ids in zip(sequence.names, LABELS, INSTANCES, strict=True):
         stage.save(
             scan, {"label": np.array(label, np.uint8), "track": np.array(ids, np.int32) - 1, "n_body": np.array(1)}
         )
-    trajectory = Trajectory(T_WORLD_SENSOR, STAMPS, sweep_motion, timing, T_LEVEL_WORLD, {})
+    motion = np.zeros((3, 6)) if sweep_motion is None else sweep_motion
+    trajectory = Trajectory(T_WORLD_SENSOR, STAMPS, motion, timing or SweepTiming(), T_LEVEL_WORLD, {})
     Workspace(folder).stage("odometry", "first").save("all", trajectory.to_arrays())
     keys = sorted(CENTERS)
     tracks = Tracks(
@@ -75,7 +76,7 @@ def make_run(folder, name="street", scans=None, timing=SweepTiming(), sweep_moti
         velocity=np.tile(VELOCITY, (4, 1)),
     )
     verdicts = Verdicts(np.array([Verdict.STATIC, Verdict.MOVING], np.int8), np.array([1.0, 0.875]))
-    result = Result(trajectory, tracks, verdicts, sequence.names, {}, {"odometry": "first", "labels": "key"}, stage)
+    result = Found(trajectory, tracks, verdicts, sequence.names, {}, {"odometry": "first", "labels": "key"}, stage)
     write_results(folder, sequence, result, load_settings("paper"))
     return RunFiles(folder, sequence)
 

@@ -8,9 +8,9 @@ from functools import lru_cache
 import numpy as np
 from worlds import ROADSIDE, TRAFFIC, drive, record
 
-from automos.core.geometry import inverse
+from automos.core.geometry import inverse, transform
 from automos.core.scan import Pose, Scan
-from automos.core.upright_boxes import Boxes
+from automos.core.upright_boxes import Boxes, points_in_boxes
 
 START = 1_500_000_000.0
 """Seconds since 1970 of the first scan."""
@@ -90,3 +90,14 @@ def assert_same_truth(labels: np.ndarray, true: np.ndarray, least_told: float = 
     np.testing.assert_array_equal((labels & 0xFFFF)[told], true[told])
     assert told[true == 251].mean() > least_told
     assert told.mean() > 0.9
+
+
+def assert_points_lie_in_their_boxes(sequence, index):
+    """Assert that the points of each true object lie in the true box of its id."""
+    truth, points = sequence.truth(index), sequence[index].points.astype(np.float64)
+    ids, boxes, T_boxes_sensor = sequence.truth_boxes(index)
+    found = np.unique(truth >> 16)
+    assert set(found[found > 0]) <= set(ids.tolist())
+    for row, one in enumerate(ids.tolist()):
+        on_it = transform(T_boxes_sensor, points[truth >> 16 == one])
+        assert (points_in_boxes(on_it, boxes[np.array([row])], 0.01) == 0).all()

@@ -8,7 +8,7 @@ import pytest
 from worlds import lane
 
 import automos
-from automos import Workspace, load_settings
+from automos import load_settings
 from automos.labeling import label_recording
 
 PAGE = (Path(__file__).parents[1] / "docs" / "conventions.md").read_text()
@@ -52,7 +52,7 @@ def test_what_is_beside_the_stages_is_on_the_page(run):
 
 def test_a_point_of_a_scan_is_mapped_into_the_world_and_the_level_frame_as_the_page_says():
     world = lane(N_SCANS)
-    result = automos.label(world.sequence, workspace=Workspace(), workers=1)
+    result = automos.label(world.sequence, workers=1)
     T_world_sensor, T_level_world = result.trajectory.T_world_sensor, result.trajectory.T_level_world
     assert np.allclose(T_world_sensor[0], np.eye(4), atol=1e-9)
     wall = np.array([3.0, -2.0, 0.5, 1.0])

@@ -23,7 +23,7 @@ EXAMPLES = [
     "Scan",
     "load_settings",
     "Workspace",
-    "open_run",
+    "load",
     "export_run",
     "write_report",
     "evaluate_recordings",

@@ -18,7 +18,7 @@ from automos.core import label_files, reading
 from automos.core.atomic import held
 from automos.core.errors import InputError, SettingsError
 from automos.core.pose_files import read_poses
-from automos.evaluation.report import find_predictions
+from automos.evaluation.predictions import find_predictions
 from automos.fleet import work_folder
 from automos.readers import find_recordings, open_sequence
 from automos.results.run_files import RunFiles

@@ -53,7 +53,7 @@ def test_the_whole_recording_as_lag_gives_the_labels_of_label():
     same = sum(np.count_nonzero(g.labels == result.labels(i)) for i, g in enumerate(given))
     assert same >= 0.999 * sum(len(scan) for scan in SCANS)
     for i, g in enumerate(given):
-        np.testing.assert_array_equal(g.track_ids, result.track_ids(i))
+        np.testing.assert_array_equal(g.track_ids + 1, result.points(i).object)
         np.testing.assert_allclose(g.pose, result.trajectory.T_level_sensor[i])
 
 

@@ -11,7 +11,6 @@ import pytest
 from worlds import lane
 
 import automos
-from automos.objects.verdict import Verdict
 from automos.settings import Settings
 
 REFERENCE = Path(__file__).parents[1] / "docs" / "reference" / "python.md"
@@ -23,7 +22,8 @@ def test_every_public_name_is_there_and_documented():
         assert f".{name}\n" in REFERENCE.read_text() or name in REFERENCE.read_text().rpartition("members:")[2]
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         automos.nothing  # noqa: B018
-    assert automos.label is importlib.import_module("automos.pipeline").label
+    assert automos.label is importlib.import_module("automos.labeling").label
+    assert automos.open_run is automos.load  # its name in 0.6
 
 
 def test_dir_and_help_show_the_public_names_and_nothing_else():
@@ -74,11 +74,11 @@ def test_what_is_no_recording_is_told_what_would_be(recording, message):
 def test_what_is_shown_at_a_prompt_is_a_line():
     world = lane(8)
     result = automos.label(world.sequence, poses=world.poses, workers=1)
-    n_moving = (result.verdicts.verdict == Verdict.MOVING).sum()
-    told = f"<Result: 8 scans, {n_moving} of {len(result.tracks)} objects move; 1 warning: .warnings>"
+    n_moving = sum(found.verdict == "moving" for found in result.objects)
+    told = f"<Result: 8 scans, {n_moving} of {len(result.objects)} objects move; 1 warning: .warnings>"
     assert repr(result) == told
     assert result.warnings[0].startswith("8 scans over 0.7 s are too few to decide what moves")
-    shown = [world.sequence, world.sequence[0], result.trajectory, result.tracks, result.verdicts, Settings()]
+    shown = [world.sequence, world.sequence[0], result.trajectory, result.objects[0], result.points(0), Settings()]
     for thing in [*shown, automos.Workspace(), automos.Workspace("run")]:
         assert repr(thing).startswith(f"<{type(thing).__name__}")
         assert len(repr(thing)) < 200

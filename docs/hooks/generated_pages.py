@@ -1,4 +1,4 @@
-"""Pages of the docs that the code writes itself: all commands with their options, all settings with their ranges."""
+"""Pages of the docs that the code writes itself: commands and their options, settings and their ranges, benchmarks."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "src"))
+sys.path.insert(1, str(Path(__file__).parents[2] / "benchmarks"))
 
 import typer
+from catalog import BENCHMARKS
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from pydantic import BaseModel
@@ -21,8 +23,9 @@ from automos.settings import PRESETS, Settings, load_settings
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the generated pages to those on disk."""
-    for name, content in {"commands": commands_page(), "settings": settings_page()}.items():
-        files.append(File.generated(config, f"reference/{name}.md", content=content))
+    for page in (commands_page, settings_page, benchmarks_page):
+        name = page.__name__.removesuffix("_page")
+        files.append(File.generated(config, f"reference/{name}.md", content=page()))
     return files
 
 
@@ -133,3 +136,11 @@ def _parameter(parameter: Any) -> str:
     default = parameter.default
     has_default = default not in (None, False, ()) and isinstance(default, (str, int, float, Path))
     return _row(shown, getattr(parameter, "help", None) or "", f"default `{default}`" if has_default else "")
+
+
+# ----------------------------------------------------------------------------------------------------- benchmarks
+def benchmarks_page() -> str:
+    """Return a table of every benchmark: what it measures, and how long that takes on two cores."""
+    rows = [_row(f"`{name}`", benchmark.what, benchmark.takes) for name, benchmark in BENCHMARKS.items()]
+    heading = ["# List of benchmarks", "", "| name | what it measures | takes about |", "|---|---|---|"]
+    return "\n".join([*heading, *rows, ""])

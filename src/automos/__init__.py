@@ -3,7 +3,7 @@
     result = automos.label(automos.open_sequence("my_log/"))   # or a list of (N, 3) arrays
     is_moving = result.labels(0) == automos.Label.MOVING       # one per point of the first scan, in its order
 
-`automos.label` keeps its results in memory; with `workspace=automos.Workspace(folder)` it finds them there again.
+`result.save("folder")` keeps everything as `automos label` writes it, and `automos.load("folder")` reads either.
 """
 
 from importlib import import_module
@@ -23,17 +23,20 @@ if TYPE_CHECKING:
     from automos.core.workspace import Workspace as Workspace
     from automos.labeler import Labeler as Labeler
     from automos.labeler import LabelledScan as LabelledScan
-    from automos.pipeline import label as label
+    from automos.labeling import label as label
     from automos.readers import open_recordings as open_recordings
     from automos.readers import open_sequence as open_sequence
     from automos.result import Result as Result
-    from automos.results.open_run import open_run as open_run
+    from automos.result import load as load
     from automos.settings import load_settings as load_settings
     from automos.views.report import write_report as write_report
     from automos.writers import export_run as export_run
 
+_BEFORE = {"open_run": "load"}
+"""Names of version 0.6."""
 _HOME = {
-    "label": "pipeline",
+    "label": "labeling",
+    "load": "result",
     "Result": "result",
     "Labeler": "labeler",
     "LabelledScan": "labeler",
@@ -45,7 +48,6 @@ _HOME = {
     "Scan": "core.scan",
     "load_settings": "settings",
     "Workspace": "core.workspace",
-    "open_run": "results.open_run",
     "export_run": "writers",
     "write_report": "views.report",
     "AutomosError": "core.errors",
@@ -58,6 +60,7 @@ ignore_settings_here()
 
 def __getattr__(name: str) -> Any:
     # Imported on first use: `automos --help` should not wait for numba and SciPy.
+    name = _BEFORE.get(name, name)
     if name not in _HOME:
         raise AttributeError(f"module 'automos' has no attribute '{name}'")
     return getattr(import_module(f"automos.{_HOME[name]}"), name)

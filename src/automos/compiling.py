@@ -35,7 +35,7 @@ from automos.settings import load_settings
 
 SHARES = ("poses", "candidates", "objects")
 """What is compiled apart, each about a third: odometry; free space; segments, tracks, verdicts and labels."""
-LINE = "compiling once: this first run takes longer than those that follow"
+LINE = "compiling once, which takes about a minute: this first run takes longer than those that follow"
 ANEW = (
     "what is compiled cannot be kept, so every run compiles anew, about a minute: set NUMBA_CACHE_DIR to a folder that "
     "you may write to"

@@ -1,20 +1,26 @@
-"""Labels one recording into one results folder, for `automos label` and for the workers of a cluster."""
+"""Labels one recording into one results folder: for Python, for `automos label` and for the workers of a cluster."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy.typing as npt
 from rich.console import Console
 
+from automos.core.arguments import require_kind
 from automos.core.array_sequence import as_sequence
 from automos.core.atomic import held
 from automos.core.errors import InputError
 from automos.core.pose_files import read_calib, read_poses
 from automos.core.progress import StageProgress
+from automos.core.run import Progress
 from automos.core.scan import Pose, Sequence
 from automos.core.workspace import Workspace, fingerprint
-from automos.pipeline import label
+from automos.pipeline import find_labels
+from automos.result import Result
 from automos.results.claiming import refuse_unrepeatable, require_room
 from automos.results.run_warnings import sentences_of
 from automos.results.writing import declare_whole, write_results
@@ -23,7 +29,67 @@ from automos.review.concerns import note_concerns
 from automos.review.log import key_of_changes
 from automos.review.run_stages import RunStages
 from automos.review.sample import note_quality
-from automos.settings import Settings
+from automos.settings import Settings, given_settings
+
+
+def label(
+    recording: Sequence | Iterable[npt.ArrayLike],
+    settings: Settings | None = None,
+    *,
+    poses: Pose | None = None,
+    workspace: Workspace | None = None,
+    workers: int = 0,
+    progress: Progress | None = None,
+) -> Result:
+    """Label every point of every scan of `recording` as moving or static.
+
+    Parameters
+    ----------
+    recording : Sequence or list of (M, 3) or (M, 4) float arrays
+        A recording from `automos.open_sequence`, or one array per scan: x, y, z in metres in the sensor frame, and
+        optionally the intensity. Use `automos.ArraySequence` to give the times of the scans, too.
+    settings : Settings, optional
+        Result of `automos.load_settings`. The default preset if not given.
+    poses : (N, 4, 4) float64, optional
+        T_world_sensor of each of the N scans, in metres. Estimated from the scans if not given.
+    workspace : Workspace, optional
+        The results folder to write, as `automos label --out` does, and to find earlier results in. If not given, a
+        temporary one that goes with the result; `Result.save` keeps it.
+    workers : int, default 0
+        Number of processes; 0 uses one per core. The labels do not depend on it.
+    progress : callable, optional
+        Called as `progress(stage, done, total)` after each scan of each stage, for example `print`.
+
+    Returns
+    -------
+    Result
+        Labels, confidences, objects and flow of the points; objects with their boxes; the trajectory.
+
+    Raises
+    ------
+    InputError
+        The recording, the poses or the workspace cannot be used. The message gives the reason and the remedy.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import automos
+    >>> noise = np.random.default_rng(0)
+    >>> room = noise.uniform([-9, -9, -1.5], [9, 9, 2.5], (2000, 3))
+    >>> scans = [room + noise.normal(0.0, 0.01, room.shape) for _ in range(10)]
+    >>> result = automos.label(scans, workers=1)
+    >>> print(np.count_nonzero(result.labels(0) == automos.Label.MOVING))
+    0
+    """
+    require_kind(workspace, Workspace | None, "workspace", "automos.Workspace(folder)")
+    require_kind(progress, Callable | None, "progress", "a function of stage, done and total, as print")
+    sequence, chosen = as_sequence(recording), given_settings(settings)
+    folder, kept = None if workspace is None else workspace.root, None
+    if folder is None:
+        kept = TemporaryDirectory(prefix="automos-")
+        folder = Path(kept.name)
+    _label_into(folder, sequence, chosen, poses, workers, progress or (lambda name, done, total: None))
+    return Result(folder, sequence, kept)
 
 
 def label_recording(
@@ -56,15 +122,31 @@ def label_recording(
         The recording, the poses or the folder cannot be used.
     """
     sequence = as_sequence(sequence)
-    poses = given_poses(sequence, pose_file, calib_file)
+    poses, may_be_cameras = given_poses(sequence, pose_file, calib_file), pose_file is not None and calib_file is None
+    with StageProgress(console or Console(quiet=True), sequence.name) as progress:
+        return _label_into(folder, sequence, settings, poses, workers, progress, may_be_cameras, waits, overwrite)
+
+
+def _label_into(
+    folder: Path,
+    sequence: Sequence,
+    settings: Settings,
+    poses: Pose | None,
+    workers: int,
+    progress: Progress,
+    may_be_cameras: bool = False,
+    waits: bool = False,
+    overwrite: bool = False,
+) -> dict[str, Any]:
+    """Label `sequence` with (N, 4, 4) `poses`, which `may_be_cameras`, None for odometry, into a results folder."""
     require_room(folder, sequence)
     refuse_unrepeatable(folder)
     require_same_poses(folder, poses, overwrite)
-    with held(folder, waits), StageProgress(console or Console(quiet=True), sequence.name) as progress:
+    with held(folder, waits):
         is_whole = not key_of_changes(folder)  # a damaged log is reported before any label is touched
-        result = label(sequence, settings, poses=poses, workspace=Workspace(folder), workers=workers, progress=progress)
-        write_results(folder, sequence, result, settings, progress, is_whole, _key_of(poses))
-        note_concerns(RunStages(folder, sequence), pose_file is not None and calib_file is None)
+        found = find_labels(sequence, settings, poses, Workspace(folder), workers, progress)
+        write_results(folder, sequence, found, settings, progress, is_whole, _key_of(poses))
+        note_concerns(RunStages(folder, sequence), may_be_cameras)
         reapply(folder, sequence, progress)
         note_quality(folder)
         return declare_whole(folder)

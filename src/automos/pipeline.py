@@ -3,28 +3,28 @@
     recording -> poses -> candidates -> instances -> objects -> labels
                  III-A    III-B         III-C        III-D      III-D
 
-A point becomes moving in `stages/labels.py`, if its segment belongs to a moving track. Whether a track moves is
-decided in `tracking/judge.py`, or in `paper/verdict.py` for the preset `paper`.
+A point becomes moving in `objects/labels.py`, if its segment belongs to a moving track. Whether a track moves is
+decided in `objects/judge.py`, or in `objects/paper/verdict.py` for the preset `paper`.
 
-Only this file defines the order of the stages; `stages/` has a file for each of those after the poses. A stage takes
-the results of the earlier stages and stores its own in the workspace, scan by scan if possible. A stage whose results
-exist already, for the same recording and settings, is not run again.
+Only this file defines the order of the stages. Each is one call: `odometry/estimate.py`, `evidence/stage.py`,
+`objects/instances.py`, `objects/tracking.py`, `objects/labels.py`. A stage takes the results of the earlier stages and
+stores its own in the workspace, scan by scan if possible. A stage whose results exist already, for the same recording
+and settings, is not run again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
 import numpy.typing as npt
 
 from automos import __version__
-from automos.core.arguments import require_kind
-from automos.core.array_sequence import as_sequence
 from automos.core.errors import InputError
+from automos.core.labels import as_probability
 from automos.core.parallel import checked_workers
-from automos.core.recording_warnings import recording_warnings
 from automos.core.run import Progress, Run, Tick
 from automos.core.scan import Pose, Sequence
 from automos.core.workspace import Arrays, Stage, Workspace, fingerprint
@@ -34,74 +34,73 @@ from automos.evidence.stage import add_network_cue, find_candidates
 from automos.objects.instances import find_segments
 from automos.objects.labels import label_scans
 from automos.objects.tracking import Scans, TrackedObjects, follow_and_judge
+from automos.objects.tracks import Tracks
+from automos.objects.verdict import Verdicts
 from automos.odometry.clock import rate_of
 from automos.odometry.estimate import estimate_trajectory
 from automos.odometry.loops.closing import close_loops
 from automos.odometry.trajectory import SequenceFrames, Trajectory
-from automos.result import Result
-from automos.settings import Settings, given_settings
+from automos.settings import Settings
 
 
-def label(
-    recording: Sequence | Iterable[npt.ArrayLike],
-    settings: Settings | None = None,
-    *,
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What the stages found in a recording of N scans: what a results folder is written from.
+
+    Attributes
+    ----------
+    trajectory, tracks, verdicts : the poses, the boxes of all objects, and which of them moved.
+    names : of the scans.
+    seconds, keys : wall time of each stage, 0 where its results were there already, and its fingerprint.
+    stage : where labels, tracks and confidences of the points are.
+    """
+
+    trajectory: Trajectory
+    tracks: Tracks
+    verdicts: Verdicts
+    names: list[str]
+    seconds: Mapping[str, float]
+    keys: Mapping[str, str]
+    stage: Stage
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def labels(self, index: int) -> npt.NDArray[np.uint8]:
+        """Return (M,) `Label` of each point of scan `index`."""
+        return self.stage.load(self.names[index], "label")["label"]
+
+    def track_ids(self, index: int) -> npt.NDArray[np.int32]:
+        """Return (M,) the moving track of each point of scan `index`, a row in `verdicts`; -1 for none."""
+        return self.stage.load(self.names[index], "track")["track"]
+
+    def n_body(self, index: int) -> int:
+        """Return how many points of scan `index` are on the ego body (vehicle, operator); they have label 0."""
+        return int(self.stage.load(self.names[index], "n_body")["n_body"])
+
+    def confidence(self, index: int) -> npt.NDArray[np.float32]:
+        """Return (M,) the probability that each label of scan `index` is right; 0 where it was not evaluated."""
+        return as_probability(self.stage.load(self.names[index], "confidence")["confidence"])
+
+
+def find_labels(
+    sequence: Sequence,
+    settings: Settings,
     poses: Pose | None = None,
     workspace: Workspace | None = None,
     workers: int = 0,
     progress: Progress | None = None,
-) -> Result:
-    """Label every point of every scan of `recording` as moving or static.
+) -> Found:
+    """Run all stages whose results are not in `workspace`, memory where none is given; return what they found.
 
-    Parameters
-    ----------
-    recording : Sequence or list of (M, 3) or (M, 4) float arrays
-        A recording from `automos.open_sequence`, or one array per scan: x, y, z in metres in the sensor frame, and
-        optionally the intensity. Use `automos.ArraySequence` to give the times of the scans, too.
-    settings : Settings, optional
-        Result of `automos.load_settings`. The default preset if not given.
-    poses : (N, 4, 4) float64, optional
-        T_world_sensor of each of the N scans, in metres. Estimated from the scans if not given.
-    workspace : Workspace, optional
-        Where the results of each stage are stored and looked up. In memory if not given.
-    workers : int, default 0
-        Number of processes; 0 uses one per core. The labels do not depend on it.
-    progress : callable, optional
-        Called as `progress(stage, done, total)` after each scan of each stage, for example `print`.
-
-    Returns
-    -------
-    Result
-        Label, confidence and track number of each point; trajectory, tracks and verdicts.
-
-    Raises
-    ------
-    InputError
-        The recording or the poses cannot be used. The message gives the reason and the remedy.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import automos
-    >>> noise = np.random.default_rng(0)
-    >>> room = noise.uniform([-9, -9, -1.5], [9, 9, 2.5], (2000, 3))
-    >>> scans = [room + noise.normal(0.0, 0.01, room.shape) for _ in range(10)]
-    >>> result = automos.label(scans, workers=1)
-    >>> print(np.count_nonzero(result.labels(0) == automos.Label.MOVING))
-    0
+    poses : (N, 4, 4) T_world_sensor to use instead of odometry.   workers : processes, 0: one per core.
     """
-    if workspace is None:
-        workspace = Workspace()
-    require_kind(workspace, Workspace, "workspace", "automos.Workspace(folder)")
-    if progress is not None:
-        require_kind(progress, Callable, "progress", "a function of stage, done and total, as print")
-    steps = Steps(as_sequence(recording), given_settings(settings), poses, workspace, workers, progress)
+    workspace = workspace or Workspace()
+    steps = Steps(sequence, settings, poses, workspace, workers, progress)
     labels = steps.labels()
     workspace.keep_only(steps.run.keys)
-    path, found, run = steps.trajectory, steps.objects, steps.run
-    rate = rate_of(steps.settings.recording, steps.sequence.name)
-    warnings = [*recording_warnings(steps.sequence, rate), *path.diagnostics.get("warnings", [])]
-    return Result(path, found.tracks, found.verdicts, run.names, run.seconds, run.keys, labels, warnings)
+    found, run = steps.objects, steps.run
+    return Found(steps.trajectory, found.tracks, found.verdicts, run.names, run.seconds, run.keys, labels)
 
 
 class Steps:
@@ -122,7 +121,7 @@ class Steps:
         workers: int = 0,
         progress: Progress | None = None,
     ):
-        """Take the arguments of `label`."""
+        """Take the arguments of `find_labels`."""
         self.sequence, self.settings, self.poses = sequence, settings, poses
         self.workers = checked_workers(workers)
         workspace = workspace or Workspace()

@@ -43,7 +43,7 @@ def test_a_path_that_is_none_is_told(take, place):
         (lambda value: automos.label(SCANS, workspace=value), r"give automos\.Workspace\(folder\)"),
         (lambda value: automos.label(SCANS, progress=value), "give a function"),
         (lambda value: automos.load_settings("default", None, value), "give names and values"),
-        (lambda value: automos.write_report(value, "report.html"), r"automos\.open_run returns"),
+        (lambda value: automos.write_report(value, "report.html"), r"automos\.load returns"),
     ],
     ids=["label", "Labeler", "workspace", "progress", "overrides", "write_report"],
 )

@@ -8,6 +8,7 @@ from rich.console import Console
 from automos.core.errors import InputError
 from automos.core.labels import Label, to_mos
 from automos.evaluation.moving import RANGES, Counts
+from automos.evaluation.objects_table import objects_table
 from automos.evaluation.report import Report, Result, evaluate_folder, evaluate_recordings
 from automos.readers import open_recordings, open_sequence
 
@@ -50,7 +51,7 @@ def test_a_folder_of_labels_is_scored_by_hand(drive, tmp_path):
     by_range = result.counts.scores_by_range
     assert [by_range[r].iou for r in ("0-15 m", "15-30 m", "30-50 m")] == [1.0, 0.0, 0.0]
     assert np.isnan(by_range["50+ m"].iou)
-    np.testing.assert_allclose(result.objects.recall, [2 / 3])
+    np.testing.assert_allclose(result.movers.recall, [2 / 3])
 
 
 @pytest.mark.parametrize("home", ["", "predictions", "00/predictions", "sequences/00/predictions", "00"])
@@ -91,8 +92,12 @@ def test_recordings_are_pooled_and_listed(drive, tmp_path):
     assert values["recordings"]["01"]["recall"] == 0.0
     assert values["recordings"]["01"]["precision"] is None
     assert values["recordings"]["01"]["objects"] == [
-        {"instance": 1, "label": 252, "n_scans": 1, "n_points": 8, "recall": 0.0}
+        {
+            **{"instance": 1, "label": 252, "n_scans": 1, "n_points": 8, "recall": 0.0},
+            **{"outcome": "missed", "track": 0, "association": 0.0},
+        }
     ]
+    assert values["recordings"]["01"]["of_objects"] is None  # no label names a track
     assert values["ranges"]["0-15 m"]["true_dynamic"] == 2
     assert seen == [("evaluating 00", 1, 2), ("evaluating 00", 2, 2), ("evaluating 01", 1, 1)]
 
@@ -106,6 +111,21 @@ def test_the_table_shows_percent_points_and_objects(drive, tmp_path):
     line = next(line for line in text.splitlines() if "all points" in line)
     assert " ".join(line.replace("│", " ").split()) == "all points 50.0 66.7 66.7 2 1 1 1 of 1"
     assert all(name in text for name in ("0-15 m", "15-30 m", "30-50 m", "50+ m"))
+
+
+def test_tracks_in_the_upper_bits_are_scored_as_objects(drive, tmp_path):
+    labels = [[251 | 4 << 16, 251 | 4 << 16, 9, 0], [251 | 4 << 16, 9, 251 | 8 << 16, 9]]
+    report = evaluate_recordings(write_predictions(tmp_path / "out", labels), [open_sequence(drive)])
+    (mover,) = report.to_dict()["recordings"]["00"]["objects"]
+    assert (mover["outcome"], mover["track"], mover["association"], mover["n_points"]) == ("whole", 4, 1.0, 3)
+    assert report.objects["tracks_elsewhere"] == 1
+    assert np.isnan(report.objects["association"])  # of movers of 300 points
+    assert json.loads(report.to_json())["objects"]["association"] is None
+    console = Console(width=80, record=True, file=io.StringIO())
+    console.print(objects_table(report.objects))
+    text = console.export_text()
+    assert "0 of 0 whole; 0 missed, 0 split, 0 merged" in text
+    assert "0.0 % on movers, 0.0 % elsewhere" in text
 
 
 def test_the_table_of_a_long_recording_has_whole_words_in_80_columns():
@@ -188,4 +208,4 @@ def test_a_real_drive_is_scored_from_files_as_from_arrays(recordings, tmp_path):
     assert (scores.true_dynamic, scores.false_dynamic, scores.false_static) == (td, fd, fs)
     assert min(td, fd, fs) > 0
     assert sum(scores.true_dynamic for scores in result.counts.scores_by_range.values()) == td
-    assert result.objects.n_found.sum() == td
+    assert result.movers.n_found.sum() == td

@@ -19,7 +19,7 @@ import traceback
 import warnings
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "live")]
 warnings.simplefilter("ignore")
 logging.disable(logging.CRITICAL)
 
@@ -38,6 +38,7 @@ from automos.core.pose_files import read_poses
 from automos.fleet.sources import find_all
 from automos.readers import open_recordings
 from automos.settings import dump_yaml, load_settings, read_overrides
+from automos.views.checking import check
 
 _NO_SETTINGS = (
     "&a [*a]", "a: &a {b: *a}", "{" * 5000, "\x00", "2020-99-99: 1", "!!python/object:os.system {}",
@@ -45,6 +46,7 @@ _NO_SETTINGS = (
 )  # fmt: skip
 MOST = {"ouster": 1024 * 128}
 """Points that a scan may have, where it is more than usual."""
+MOST_OF_PACKETS = 4200 * 384
 POSES = "1 0 0 0 0 1 0 0 0 0 1 0\n" * 4
 
 
@@ -76,7 +78,48 @@ def fuzz_recording(kind: str, bases: dict[str, Path], rng: random.Random, work: 
     folder = work / "case"
     shutil.copytree(bases[kind], folder)
     LAST.extend(damage(folder, rng) for _ in range(rng.choice((1, 1, 2))))
+    if rng.random() < 0.1:
+        for found in check(folder):
+            found.lines()
     read_recordings(folder, MOST.get(kind, 70_000))
+
+
+def fuzz_packets(rng: random.Random, work: Path) -> None:
+    """Decode what a running sensor sends, some of it damaged, lost, twice, in another order, at odd times."""
+    from room_packets import room_packets
+
+    from automos.live.velodyne import VelodyneAssembler
+
+    packets = [list(one) for one in room_packets(3)]
+    for _ in range(rng.choice((1, 3, 30))):
+        i, j = rng.randrange(len(packets)), rng.randrange(len(packets))
+        match rng.choice(("byte", "cut", "lost", "twice", "swap", "time", "noise")):
+            case "byte":
+                payload = bytearray(packets[i][1])
+                if payload:
+                    payload[rng.randrange(len(payload))] = rng.randrange(256)
+                packets[i][1] = bytes(payload)
+            case "cut":
+                packets[i][1] = packets[i][1][: rng.randrange(1300)]
+            case "lost":
+                del packets[min(i, j) : min(max(i, j), min(i, j) + 200)]
+            case "twice":
+                packets.insert(j, packets[i])
+            case "swap":
+                packets[i], packets[j] = packets[j], packets[i]
+            case "time":
+                packets[i][0] = rng.choice((0.0, -1.0, 1e18, packets[j][0]))
+            case _:
+                packets[i][1] = rng.randbytes(len(packets[i][1]))
+        packets = packets or [[0.0, b""]]
+    assembler, at_once = VelodyneAssembler(), rng.choice((1, 7, 128))
+    scans = []
+    for first in range(0, len(packets), at_once):
+        some = packets[first : first + at_once]
+        scans += assembler.add([payload for _, payload in some], [seconds for seconds, _ in some])[0]
+    for scan in (*scans, *assembler.rest()):
+        if len(scan) > MOST_OF_PACKETS or not np.isfinite(scan.stamp):
+            raise WrongError(f"a scan of {len(scan)} points at {scan.stamp}")
 
 
 def fuzz_settings(rng: random.Random, work: Path) -> None:
@@ -153,8 +196,9 @@ class Kinds:
         self._root, self._requests = root, None
         self._bases = write_all(root / "bases")
         self._own = {
-            "settings": fuzz_settings, "poses": fuzz_poses, "edits": self._edits, "label": fuzz_label,
-            "values": self._values, "list": self._list, "requests": self._ask, **dict.fromkeys(COMMANDS, self._command),
+            "settings": fuzz_settings, "packets": fuzz_packets, "poses": fuzz_poses, "edits": self._edits,
+            "label": fuzz_label, "values": self._values, "list": self._list, "requests": self._ask,
+            **dict.fromkeys(COMMANDS, self._command),
         }  # fmt: skip
         self.names = [*sorted(self._bases), *self._own]
 

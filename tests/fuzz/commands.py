@@ -12,6 +12,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 from calling import LAST, WrongError, call
 from damage import NUMBERS, change, damage
 from values import OPTIONS, WORDS, filled
@@ -88,6 +89,38 @@ def _export(root: Path, rng: random.Random, *more: object) -> None:
         raise WrongError("nothing was written")
 
 
+def _load(root: Path, rng: random.Random, *more: object) -> None:
+    """Ask a result for all that it says, the recording given, found, or gone."""
+    import automos
+
+    gone = rng.random() < 0.2
+    if gone:
+        (root / "run" / "run.json").write_text((root / "run" / "run.json").read_text().replace("velodyne", "gone"))
+    result = automos.load(root / "run", *([] if gone or rng.random() < 0.5 else [root / "log"]))
+    if not (np.abs(result.trajectory.T_world_sensor) < 1e9).all():
+        raise WrongError("poses that are nowhere")
+    for found in result.objects:
+        if not (0.0 <= found.p_moved <= 1.0 and np.isfinite(found.boxes.center).all() and len(found.moves)):
+            raise WrongError("an object that is none")
+    repr(result), result._repr_html_(), result.to_dataframe()
+    points = result.points(rng.randrange(len(result)))
+    for each in (points.confidence, points.object, points.flow if not gone else points.labels):
+        if len(each) != len(points.labels):
+            raise WrongError("more or fewer values than points")
+    result.save(root / "saved")
+    if not gone:
+        _require_whole(root / "saved", root / "log")
+
+
+def _clean(root: Path, rng: random.Random, *more: object) -> None:
+    call("clean", root / "run", root / "log", "--out", root / "out", *more)
+
+
+def _dataset(root: Path, rng: random.Random, *more: object) -> None:
+    layout = rng.choice(("semantickitti", "helimos"))
+    call("dataset", root / "run", "--recordings", root / "log", "--out", root / "out", "--layout", layout, *more)
+
+
 def _review(root: Path, rng: random.Random, *more: object) -> None:
     """Open a review, look at everything once and decide; what was written must be whole."""
     from automos.review.session import Session
@@ -125,6 +158,10 @@ COMMANDS: dict[str, tuple[Does, tuple[str, ...]]] = {
     "report": (lambda root, rng, *more: call("report", root / "run", root / "log", *more), ("run",)),
     "export": (_export, ("run",)),
     "merge": (_merge, ("boxes", "labels", "run")),
+    "load": (_load, ("run", "run", "log")),
+    "map": (lambda root, rng, *more: call("map", root / "run", "--out", root / "out", *more), ("run", "log")),
+    "clean": (_clean, ("run", "log")),
+    "dataset": (_dataset, ("run", "log")),
     "label again": (_label, ("run",)),
     "given poses": (lambda root, rng: _label(root, rng, "--poses", root / "log" / "poses.txt", "--overwrite",
                                              "--calib", root / "log" / "calib.txt"), ("log",)),
@@ -168,7 +205,7 @@ def _somebodys(theirs: Path, root: Path, rng: random.Random) -> dict[Path, bytes
 def _damage_and_run(
     does: Does, parts: tuple[str, ...], kind: str, root: Path, rng: random.Random, out: tuple[object, ...]
 ) -> None:
-    if out and kind in ("export", "merge", "report"):
+    if out and kind in ("export", "merge", "report", "map", "clean", "dataset"):
         LAST.append("--out somebody's")
         does(root, rng, *out)
         return

@@ -23,7 +23,7 @@ WAITING = 1200.0
 MEMORY = 8 << 30
 """Bytes of address space of the process that reads."""
 OUTCOMES = ("refused", "accepted", "traceback", "crash", "hang", "wrong")
-RARE = dict.fromkeys(("label", "label again", "given poses", "fleet", "review", "view", "report"), 0.004)
+RARE = dict.fromkeys(("label", "label again", "given poses", "fleet", "review", "view", "report", "load", "map"), 0.004)
 """Kinds that take long, and their share."""
 SLOW = (*RARE, "values")
 

@@ -22,8 +22,9 @@ from automos.baselines import (
 )
 from automos.baselines.brick_grid import BrickGrid
 from automos.network import cleanup, projection, residuals
-from automos.readers import lzf, pcap, text, velodyne_sweeps
+from automos.readers import lzf
 from automos.readers import range_image as waymo_image
+from automos.readers.packets import pcap, sweeps
 
 
 def _baselines(points: np.ndarray) -> None:
@@ -106,12 +107,7 @@ def _datasets(points: np.ndarray) -> None:
         data = np.concatenate([np.array([0x45, 0, 0, 0, 0, 0, 0, 0, 0, 17], np.uint8), data])  # IPv4, UDP
         record = np.array([0, 0, len(data), len(data)], ">u4" if is_big else "<u4").view(np.uint8)
         pcap._walk(np.concatenate([record, data]), 8, is_big, False, np.array([1e-6]), np.array([0]), *packets)
-    velodyne_sweeps._mark_first(points[:, 0], points[:, 1], np.zeros(3), np.zeros(len(points), bool))
-    for written in (raw, " ".join(map(str, points.ravel())).encode()):
-        try:
-            text.parse_table(written)
-        except ValueError:
-            continue
+    sweeps._mark_first(points[:, 0], points[:, 1], np.zeros(3), np.zeros(len(points), bool))
 
 
 BESIDE: dict[str, Callable[[np.ndarray], None]] = {

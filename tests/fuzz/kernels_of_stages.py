@@ -7,6 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from hostile_floats import SETTINGS, make_boxes, make_frame, make_pattern, make_tracks
 
+from automos.baselines import erasor, erasor_bins
+from automos.baselines.region_ground import fit_region_ground
 from automos.core import covariances, directions
 from automos.core.geometry import transform
 from automos.core.range_image import find_neighbours, make_image, project
@@ -17,11 +19,9 @@ from automos.evidence import ego_body, on_body, votes
 from automos.evidence.clouds import in_clouds
 from automos.evidence.ground import find_ground
 from automos.evidence.look_through import look_through
-from automos.evidence.paper import erasor, erasor_bins
-from automos.evidence.paper.region_ground import fit_region_ground
 from automos.objects import detect, places
 from automos.objects.boxes import fit_boxes
-from automos.objects.judge import path_terms
+from automos.objects.face_paths import path_terms
 from automos.objects.motion import smooth
 from automos.objects.object_points import paint_objects
 from automos.objects.paper import hierarchy
@@ -71,11 +71,11 @@ def _erasor(points: np.ndarray) -> None:
     erasor_bins.polar_bins(points, erasor_bins.Volume(80.0, 20, 108, -1.0, 3.0))
     ids, is_alive, scanned = np.arange(n), np.ones(n, bool), np.full(n, -1, np.int32)
     for version in (2, 3):
-        settings = SETTINGS.candidates.erasor.model_copy(update={"version": version})
-        volume_and_rules = erasor._for_kernel(settings, erasor.PUBLISHED._replace(min_points=1))
+        parameters = erasor.Parameters(version=version, min_points=1)
         scan_ids = ids.astype(np.int32)
         erasor_bins.compare_bins(
-            ids, points, is_alive, scanned, np.int32(1), points[::-1].copy(), scan_ids, *volume_and_rules
+            *(ids, points, is_alive, scanned, np.int32(1), points[::-1].copy(), scan_ids),
+            *(parameters.volume, parameters.rules),
         )
     fit_region_ground(points, 0.5, 2, 20, 3, 0.15)
     voxels = VoxelMap(0.2, points[0])
@@ -114,10 +114,10 @@ def _tracking(points: np.ndarray) -> None:
     smooth(np.arange(len(points)) * 0.1, np.full(len(points), np.nan), 0.01, 1.0)
     smooth(points[:, 1].astype(float), points[:, 0].astype(float), 0.01, 1.0)
     values = points.astype(float)
-    whole = np.array([0, len(points)])
-    state_probabilities(whole, np.arange(len(points)) * 0.1, values[:, 0], 0.1, 0.01, 0.02)
+    state_probabilities(values[:, :2], np.arange(len(points)) * 0.1, 0.1, 0.01, 0.02, 0.5)
     columns = places.touched_columns(make_boxes(np.clip(np.nan_to_num(points), -50, 50)))
     places.held_places(points, some, ~some, columns)
+    whole = np.array([0, len(points)])
     path_terms(whole, np.arange(len(points)) * 0.1, np.hstack([values, values])[:, :4])
 
 

@@ -4,6 +4,7 @@ import signal
 import socket
 import threading
 import time
+from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,10 +14,11 @@ from automos.core.array_sequence import ArraySequence
 from automos.core.errors import InputError
 from automos.core.parallel import one_ahead
 from automos.core.scan import Scan
+from automos.labeler import LabelledScan
 from automos.live.feed import Feed, Replay
 from automos.live.latest import Latest
 from automos.live.opening import open_feed
-from automos.live.run import run_live
+from automos.live.run import Tally, run_live
 from automos.live.udp import UdpFeed, parse_address
 from automos.live.velodyne import VelodyneAssembler
 
@@ -306,3 +308,17 @@ def test_packets_of_a_model_that_nobody_knows_are_told(packets):
     send_all(feed.port, [payload[:-1] + b"\x99" for _, payload in packets])
     thread.join(30)
     assert "what comes cannot be decoded as packets of a Velodyne" in str(box["error"])
+
+
+def test_a_line_says_scans_a_second_lag_movers_and_what_was_dropped():
+    tally = Tally(labelled=3, left_out=1, movers=2, ages=deque([(10.0, 0.3), (10.1, 0.3), (10.2, 0.25)]))
+    assert tally.line() == "10.0 scans/s, lag 0.25 s, 2 moving, 1 of 4 dropped"  # two scans in 0.2 s
+
+
+def test_the_lag_is_from_when_a_scan_was_taken_until_its_labels_are_given_back(monkeypatch):
+    clock = [5.0]
+    monkeypatch.setattr("automos.live.run.time.perf_counter", lambda: clock[0])
+    tally, given = Tally(), LabelledScan.of_nothing(0, 0.0, np.eye(4), 7)
+    tally.add(given, taken_at=4.6)
+    assert tally.ages[-1] == pytest.approx((5.0, 0.4))
+    assert (tally.labelled, tally.points, tally.movers) == (1, 7, 0)

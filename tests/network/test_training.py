@@ -21,7 +21,8 @@ from automos.network.module import Training  # noqa: E402
 from automos.network.online import OnlineSegmenter  # noqa: E402
 from automos.network.recordings import Source  # noqa: E402
 from automos.network.train import TrainingData, train  # noqa: E402
-from automos.network.training import choose_accelerator, default_loaders, read_curve  # noqa: E402
+from automos.network.training import choose_accelerator, default_loaders, read_curve, scans_at_once  # noqa: E402
+from automos.settings import load_settings  # noqa: E402
 from automos.simulation import simulate, write  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning", "ignore::FutureWarning")
@@ -131,6 +132,37 @@ def test_a_device_that_is_none_is_told(data, tmp_path):
 def test_a_gpu_that_is_not_there_is_told(data, tmp_path):
     with pytest.raises(InputError, match="no GPU was found"):
         train(data, tmp_path / "network", settings(), device="gpu")
+
+
+@pytest.mark.parametrize(
+    ("changed", "scans"),
+    [
+        ({}, 1),  # 64 x 2048 pixels, 32 channels: all that is allowed
+        ({"network.model.channels": 8}, 4),  # a quarter of them each
+        ({"network.training.sector": 256}, 8),  # an eighth
+        ({"network.model.channels": 8, "network.training.batch": 6}, 3),  # 4 would leave a part of a step
+        ({"network.image.width": 4096}, 1),
+    ],
+)
+def test_a_cpu_trains_on_as_many_scans_at_once_as_memory_is_meant_for(changed, scans):
+    assert scans_at_once(load_settings("default", overrides=changed).network) == scans
+
+
+def test_training_says_how_far_it_is_how_epochs_went_where_it_goes_on_and_that_it_ends_early(data, tmp_path):
+    ticks, said = [], []
+    tell = {"progress": lambda *tick: ticks.append(tick), "report": said.append}
+    train(data, tmp_path, settings(epochs=2), device="cpu", **tell)
+    assert {("labels", 8, 8), ("channels", 8, 8), ("training", 2, 16), ("training", 16, 16)} <= set(ticks)
+    assert [tick for tick in ticks if tick[0] == "validation"]
+    assert [sentence.split(":")[0] for sentence in said] == ["epoch 1 of at most 2", "epoch 2 of at most 2"]
+    said.clear()
+    (tmp_path / "best.pt").unlink()
+    train(data, tmp_path, settings(epochs=2), device="cpu", **tell)
+    assert said[:1] == ["going on after epoch 2"] or said == []  # nothing was left to train
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("automos.network.training._PATIENCE", 1)
+        train(data, tmp_path / "still", settings(epochs=9, learning_rate=1e-9), device="cpu", **tell)
+    assert said[-1].startswith("stopped after ")
 
 
 def test_cores_prepare_scans_beside_a_gpu_and_none_where_all_of_them_train(monkeypatch):

@@ -113,3 +113,29 @@ def test_a_car_that_stood_for_seconds_is_believed_to_move_within_half_a_metre():
         if probability(following, 0.1 * (stood + j)) >= 0.5:
             break
     assert x < 0.5
+
+
+def seconds_of(following: Following, begin: float, share: float, speed: float) -> float:
+    """Follow the car for three memories; return with which probability it has moved at the end."""
+    for k in range(round(3.0 * MEMORY / 0.2)):
+        stamp = begin + 0.2 * k
+        following.add(stamp, seen_to_move(share, speed * k * 0.2), ASKED)
+        p = probability(following, stamp)
+    return p
+
+
+def test_what_has_moved_is_known_to_have_moved_however_long_it_waits():
+    following = Following(SETTINGS, 0.0)
+    for k in range(30):
+        following.add(0.1 * k, seen_to_move(1.0, 0.2 * k - 5.8), ASKED)
+        following.at(0.1 * k, [])
+    assert seconds_of(following, 3.0, 0.0, 0.0) > 0.9
+
+
+def test_a_doubt_of_a_moment_does_not_stay():
+    following, p = Following(SETTINGS, 0.0), []
+    for k in range(12):
+        following.add(0.1 * k, seen_to_move(0.4, 0.0), ASKED)
+        p.append(probability(following, 0.1 * k))
+    assert max(p) > 0.4
+    assert seconds_of(following, 1.2, 0.0, 0.0) < 0.1

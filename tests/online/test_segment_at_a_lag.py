@@ -12,7 +12,7 @@ from automos import Labeler, load_settings, open_sequence
 from automos.core.atomic import held
 from automos.core.errors import InputError
 from automos.core.pose_files import read_poses
-from automos.evaluation.report import find_predictions
+from automos.evaluation.predictions import find_predictions
 from automos.labeling import label_recording
 from automos.live.segment import results_writer, segment_recording, stamped, summary
 from automos.online.labelled_scan import OBJECT_FIELDS, LabelledScan

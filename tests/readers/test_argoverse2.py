@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from street_log import OBJECTS, assert_same_points, assert_same_truth, street_log
+from street_log import OBJECTS, assert_points_lie_in_their_boxes, assert_same_points, assert_same_truth, street_log
 
 from automos.core.errors import InputError, MissingExtraError
 from automos.core.geometry import inverse, make_transform, transform
@@ -80,6 +80,7 @@ def test_boxes_become_moving_points_with_the_same_id_in_every_scan(folder):
     for i in range(len(sequence)):
         labels = sequence.truth(i)
         assert_same_truth(labels, log.truth[i])
+        assert_points_lie_in_their_boxes(sequence, i)
     movers = [set(np.unique(sequence.truth(i)[log.truth[i] == 251] >> 16)) - {0} for i in (0, 11)]
     assert len(movers[0]) >= 3
     assert len(movers[0] & movers[1]) >= 3

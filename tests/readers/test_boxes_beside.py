@@ -25,6 +25,15 @@ def test_points_move_with_the_boxes_beside_the_scans(folder):
     np.testing.assert_allclose(open_sequence(folder, "bin").truth_motion(0), [[1.0, 0.0, 0.0]])
 
 
+def test_boxes_beside_the_scans_are_told_with_their_frame(folder):
+    ids, boxes, T_boxes_sensor = open_sequence(folder, "bin").truth_boxes(1)
+    np.testing.assert_array_equal(ids, [1])
+    np.testing.assert_array_equal([*boxes.center[0], *boxes.size[0], *boxes.yaw], [6.0, 0, 0, 4, 2, 2, 0])
+    np.testing.assert_array_equal(T_boxes_sensor, np.eye(4))
+    (folder / "boxes" / "000000.json").unlink()
+    assert open_sequence(folder, "bin").truth_boxes(0) is None
+
+
 @pytest.mark.parametrize(
     ("key", "value", "said"),
     [

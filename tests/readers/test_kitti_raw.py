@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from kitti_packets import PROJECTION, R_RECTIFIED, T_CAMERA_SENSOR, T_SENSOR_IMU, line, packets, sees
-from street_log import OBJECTS, assert_same_truth, street_log
+from street_log import OBJECTS, assert_points_lie_in_their_boxes, assert_same_truth, street_log
 
 from automos.core.errors import InputError
 from automos.core.geometry import inverse
@@ -92,6 +92,7 @@ def test_tracklets_are_truth_where_the_camera_sees(drive):
         assert 0.05 < seen.mean() < 0.5
         assert (truth[~seen] == 0).all()
         assert_same_truth(truth[seen], log.truth[i][seen])
+        assert_points_lie_in_their_boxes(sequence, i)
 
 
 def test_scans_that_are_missing_shift_nothing(tmp_path):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from kitti_packets import PROJECTION, R_RECTIFIED, T_CAMERA_SENSOR, T_SENSOR_IMU, line, packets, sees
-from street_log import OBJECTS, assert_same_truth, street_log
+from street_log import OBJECTS, assert_points_lie_in_their_boxes, assert_same_truth, street_log
 
 from automos.core.errors import InputError
 from automos.core.geometry import inverse
@@ -68,6 +68,7 @@ def test_boxes_are_truth_where_the_camera_sees(folder):
         seen = sees(log.scans[i].points)
         assert (sequence.truth(i)[~seen] == 0).all()
         assert_same_truth(sequence.truth(i)[seen], log.truth[i][seen])
+        assert_points_lie_in_their_boxes(sequence, i)
 
 
 @pytest.mark.parametrize("number", ["1e30", "-200", "nan"])

@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from street_log import OBJECTS, assert_same_points, assert_same_truth, street_log
+from street_log import OBJECTS, assert_points_lie_in_their_boxes, assert_same_points, assert_same_truth, street_log
 
 from automos.core.errors import InputError
 from automos.core.geometry import inverse, make_transform
@@ -110,6 +110,7 @@ def test_keyframes_have_truth_from_attributes_or_where_there_are_none_from_the_b
     assert [i for i in range(12) if sequence.truth(i) is not None] == list(KEYFRAMES)
     for i in KEYFRAMES:
         assert_same_truth(sequence.truth(i), log.truth[i])
+        assert_points_lie_in_their_boxes(sequence, i)
 
 
 def test_scenes_without_boxes_have_no_truth(tmp_path):

@@ -19,7 +19,7 @@ def test_a_pcap_without_metadata_is_told(tmp_path):
     assert find(tmp_path) == [path]
     assert find(path / "1221") == [path / "1221"]
     with pytest.raises(
-        InputError, match=r"drive.pcap has no metadata drive.json beside it, .* no packets of a Velodyne; put it there"
+        InputError, match=r"drive.pcap has no metadata drive.json beside it, .* no packets of a known .*; put it there"
     ):
         open_sequence(path)
 

@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from street_log import OBJECTS, assert_same_truth
+from street_log import OBJECTS, assert_points_lie_in_their_boxes, assert_same_truth
 from worlds import ROADSIDE, TRAFFIC, cast
 
 from automos.core.errors import InputError, MissingExtraError
@@ -197,6 +197,7 @@ def test_boxes_are_truth_but_in_zones_that_nobody_labelled(segment):
         is_return = sequence[frame].is_valid[: HEIGHT * WIDTH].reshape(HEIGHT, WIDTH)[:, 20:].ravel()
         true = np.where(moves[hit], 251, 9)[:, 20:].ravel()[is_return]
         assert_same_truth(first[is_return], true, least_told=0.6)
+        assert_points_lie_in_their_boxes(sequence, frame)
 
 
 def test_rows_are_the_same_in_any_order_in_threads_and_in_other_processes(segment):

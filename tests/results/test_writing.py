@@ -19,7 +19,7 @@ from automos.objects.tracks import Tracks
 from automos.objects.verdict import Verdict, Verdicts
 from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.trajectory import Trajectory
-from automos.result import Result
+from automos.pipeline import Found
 from automos.results import point_files
 from automos.results.writing import write_results
 from automos.settings import load_settings
@@ -41,7 +41,7 @@ def strictly(text: str):
     return json.loads(text, parse_constant=refuse)
 
 
-def make_result(key: str = "k", labels=LABELS) -> Result:
+def make_result(key: str = "k", labels=LABELS) -> Found:
     """Return two tracks: 0, static, seen in the first scan; 1, moving, seen in the first and third."""
     stage = Workspace().stage("labels", key)
     for name, label, track in zip(SEQUENCE.names, labels, TRACK_OF, strict=True):
@@ -61,7 +61,7 @@ def make_result(key: str = "k", labels=LABELS) -> Result:
     )
     verdicts = Verdicts(np.array([Verdict.STATIC, Verdict.MOVING], np.int8), np.array([1.0, 0.87654]))
     seconds = {"odometry": 1.23456, "labels": 0.0}
-    return Result(trajectory, tracks, verdicts, SEQUENCE.names, seconds, {"odometry": "o", "labels": key}, stage)
+    return Found(trajectory, tracks, verdicts, SEQUENCE.names, seconds, {"odometry": "o", "labels": key}, stage)
 
 
 @pytest.fixture
@@ -125,7 +125,7 @@ def test_results_that_are_replaced_are_not_called_complete(folder):
 def test_a_run_without_tracks_tells_so(tmp_path):
     result = make_result()
     none = result.tracks[np.zeros(0, int)]
-    empty = Result(
+    empty = Found(
         result.trajectory,
         none,
         Verdicts(np.zeros(0, np.int8), np.zeros(0)),

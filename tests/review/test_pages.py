@@ -59,6 +59,63 @@ def test_an_object_is_cut_and_joined_again_by_keys(browser, server):
     assert [one["made"] for one in server.session.overview()["items"] if "made" in one] == ["joined"]
 
 
+def test_what_was_decided_last_is_taken_back_by_a_key_and_the_object_is_open_again(browser, server):
+    from selenium.webdriver.common.keys import Keys
+
+    browser.get(server.url)
+    first = int(wait_for(browser, "document.body.dataset.shown"))
+    found = server.session.overview()["items"][0]["verdict"]
+    assert browser.execute_script("return document.getElementById('undo').disabled")
+    press(browser, "s" if found == "moving" else "m")
+    wait_for(browser, f"document.body.dataset.shown !== '{first}' && document.body.dataset.shown")
+    wait_for(browser, "document.getElementById('saved').textContent === 'saved ✓'")
+    assert server.session.changes.decided == {first - 1: "static" if found == "moving" else "moving"}
+    press(browser, Keys.BACKSPACE)
+    wait_for(browser, f"document.body.dataset.shown === '{first}'")
+    wait_for(browser, "document.getElementById('undo').disabled")
+    assert server.session.changes.decided == {}
+
+
+def test_the_list_holds_what_is_worth_a_look_and_all_keys_are_listed(browser, server):
+    browser.get(server.url)
+    wait_for(browser, "document.body.dataset.shown")
+    chip = (
+        "[...document.querySelectorAll('#filters button')].find((one) => one.getAttribute('aria-pressed') === 'true')"
+    )
+    items = server.session.overview()["items"]
+    n = sum(item.get("core", False) or "place" in item for item in items)
+    assert browser.execute_script(f"return {chip}.textContent") == f"worth a look {n}"
+    press(browser, "?")
+    assert "take back what was done last" in wait_for(browser, "document.getElementById('over-text').textContent")
+    assert not browser.execute_script("return document.getElementById('loading').textContent")
+
+
+def test_the_chosen_object_is_outlined_in_the_scan_and_a_click_on_a_moving_one_opens_it(browser, server):
+    from selenium.webdriver import ActionChains
+
+    moving = next(t for t in server.session.overview()["items"] if t["verdict"] == "moving")["id"]
+    browser.get(server.url)
+    wait_for(browser, "document.body.dataset.shown")
+    press(browser, "n")
+    wait_for(browser, "document.body.dataset.place")
+    scan = int(wait_for(browser, "document.body.dataset.place"))
+    boxes = {one: box for one, *box in server.session.place(scan)["boxes"]}
+    if moving not in boxes:
+        tracks = server.session.stages.tracks
+        scan = int(tracks.scan[tracks.track == moving - 1][0])
+        browser.execute_script(
+            f"const at = document.getElementById('moment'); at.value = {scan}; at.dispatchEvent(new Event('input'))"
+        )
+        wait_for(browser, f"document.body.dataset.place === '{scan}'")
+        boxes = {one: box for one, *box in server.session.place(scan)["boxes"]}
+    view = json.loads(wait_for(browser, "document.getElementById('place').dataset.view"))
+    canvas = browser.find_element("id", "place")
+    x, y = (boxes[moving][0] - view["x"]) * view["zoom"], (view["y"] - boxes[moving][1]) * view["zoom"]
+    ActionChains(browser).move_to_element_with_offset(canvas, round(x), round(y)).click().perform()
+    wait_for(browser, f"document.body.dataset.shown === '{moving}'")
+    assert wait_for(browser, "document.querySelector('.row[aria-current=true]').dataset.id") == str(moving)
+
+
 def missed(session):
     """Judge a moving track static, as if it had been missed; return a scan and where one of its points is there."""
     track = int(np.flatnonzero(session.stages.verdicts.verdict == Verdict.MOVING)[0])

@@ -68,7 +68,7 @@ def test_a_file_that_says_nothing_changes_nothing(tmp_path, text):
         ("max_misses", "tracking.max_misses"),
         ("tracking.association.max_distence", "tracking.association.max_distance"),
         ("tracking.max_distance", "tracking.association.max_distance"),
-        ("candidates.erasor.voxels", "candidates.erasor.voxel"),
+        ("candidates.ground.cells", "candidates.ground.cell"),
     ],
 )
 def test_an_unknown_key_names_the_nearest(key, near):
@@ -82,6 +82,7 @@ def test_an_unknown_key_names_the_nearest(key, near):
     [
         ("baselines.yoon.margin", "automos.baselines"),
         ("baselines", "automos.baselines"),
+        ("candidates.erasor.voxel", "automos.baselines.erasor"),
         ("network.online.engine", "--engine"),
         ("network.training.optimizer", "network.training.recipe"),
     ],
@@ -107,13 +108,12 @@ def test_an_unknown_group_names_the_nearest_group():
         ("tracking.association.max_distance", 0, "greater than 0"),
         ("tracking.association.max_distance", float("nan"), ""),
         ("tracking.verdict.trajectory", "gross", "'net' or 'accumulated'"),
-        ("candidates.erasor.version", 1, "2 or 3"),
         ("instances.hdbscan.epsilons", [1.0, 2.0], "decreas"),
         ("instances.hdbscan.epsilons", [1.0, 0.0], ""),
         ("instances.hdbscan.epsilons", [], ""),
         ("candidates.ground", {"cell": 0.001}, "max_range is at most 2000 cells"),
         ("odometry.voxel", True, "it is not a boolean"),
-        ("candidates.erasor.every", True, "it is not a boolean"),
+        ("tracking.max_misses", True, "it is not a boolean"),
         ("tracking", 3, ""),
         ("output.track_ids", "perhaps", "boolean"),
     ],

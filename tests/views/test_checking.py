@@ -4,13 +4,14 @@ import json
 
 import numpy as np
 import pytest
-from point_writers import write_pcd
+from bags import cloud, write_bag
+from point_writers import write_pcd, write_points
 from sweeps import moved, points_of, pose, sweep
 from typer.testing import CliRunner
 
 from automos.cli import app
 from automos.core.errors import AutomosError
-from automos.readers import open_sequence
+from automos.readers import bag_messages, codecs, folder, open_sequence
 from automos.views.checking import LOOKS, check
 
 FAR = pose(100.0, -140.2, 220.7, -3.1)
@@ -195,3 +196,32 @@ def test_the_first_line_is_true_of_real_recordings(recording_of, name, line):
     (found,) = check(recording_of(name))
     what = "KITTI's layout (odometry, SemanticKITTI), .bin files of x,y,z,intensity"
     assert found.first_line == f"{name} can be labelled: {line.format(what)}"
+
+
+@pytest.mark.parametrize("has_times", [True, False])
+@pytest.mark.parametrize("kind", ["bin", "pcd", "ply", "npy", "bag"])
+def test_of_a_thousand_scans_headers_and_at_most_twenty_are_read(tmp_path, scans, monkeypatch, kind, has_times):
+    few = {name: column[:400] for name, column in scans[0].items() if name in ("x", "y", "z", "intensity")}
+    place, read = tmp_path / f"drive{'.mcap' * (kind == 'bag')}", []
+    if kind == "bag":
+        write_bag(place, {"/points": [(10**9 + 10**8 * i, 1 + 0.1 * i, cloud(few)) for i in range(1000)]})
+        whole = bag_messages.read_message
+        monkeypatch.setattr(bag_messages, "read_message", lambda *given: read.append(given) or whole(*given))
+    else:
+        place.mkdir()
+        for i in range(1000):
+            path = place / f"{i:06d}.{kind}"
+            few["x"] = few["x"] + 1e-4  # no scan is another once more
+            if kind == "bin":
+                np.column_stack([*few.values()]).astype("<f4").tofile(path)
+            else:
+                write_points(path, few)
+        if has_times:
+            (place / "times.txt").write_text("\n".join(f"{0.1 * i:.1f}" for i in range(1000)))
+        one = codecs.read_columns
+        monkeypatch.setattr(folder, "read_columns", lambda path, *given: read.append(path) or one(path, *given))
+    assert len(open_sequence(place)) == 1000
+    assert len(read) <= LOOKS
+    read.clear()
+    assert check(place)[0].scans == 1000
+    assert len(read) <= 2 * LOOKS  # those that are shown, and those that open_sequence looks at

@@ -28,6 +28,8 @@ PROGRAMS = {
     "av2": "av2.",
     "h5py": "h5py.",
     "dufomap": "pcdpy3.",
+    "t4-devkit": "sanity.",
+    "nvidia-ncore": "v4.",
 }
 """What a test that uses a program says, by what the docs call it."""
 

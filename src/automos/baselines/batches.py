@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.baselines.brick_grid import BrickGrid
+from automos.baselines.submaps import cut_submaps
 from automos.core.scan import Frame, Frames, Mask
 from automos.core.voxels import VoxelMap
-from automos.evidence.paper.submaps import cut_submaps
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy.typing as npt
 
 from automos.core.scan import Frames, Mask
-from automos.evidence.published import FindMoving, find_with_erasor
+from automos.evidence.published import FindMoving
 from automos.settings import Settings
 
 
@@ -55,19 +55,19 @@ def _find_with(name: str, *more: str) -> FindMoving:
 
 
 def published(name: str) -> Any:
-    """Return the parameters of method `name` as its authors give them, a frozen dataclass; None of ERASOR.
+    """Return the parameters of method `name` as its authors give them, a frozen dataclass.
 
     They are not settings: one compares with what was published. `find_moving` in the method's own module takes others.
     """
     if name == "m_detector":
         return import_module("automos.baselines.m_detector_parameters").KITTI
-    return None if name == "erasor" else import_module(f"automos.baselines.{name}").Parameters()
+    return import_module(f"automos.baselines.{name}").Parameters()
 
 
 _ALL = (
     Method("octomap", "Octomap", _find_with("octomap")),
     Method("removert", "Removert", _find_with("removert")),
-    Method("erasor", "ERASOR", find_with_erasor),
+    Method("erasor", "ERASOR", _find_with("erasor")),
     Method("pfreundschuh", "Pfreundschuh's", _find_with("pfreundschuh", "ground")),
     Method("yoon", "Yoon's", _find_with("yoon", "stamps", "ground")),
     Method("dufomap", "DUFOMap", _find_with("dufomap")),

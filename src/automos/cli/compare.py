@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 compare_app = typer.Typer()
 
 Out = Annotated[Path | None, typer.Option(help="folder for labels, tables and pictures; a second run continues there")]
-Overrides = Annotated[list[str] | None, typer.Option("--set", help="one setting, candidates.erasor.voxel=0.3, ...")]
+Overrides = Annotated[list[str] | None, typer.Option("--set", help="one setting, tracking.max_gap=0.5, ...")]
 
 
 @compare_app.command()

@@ -16,8 +16,7 @@ from automos.core.scan import Scan, Sequence
 from automos.evaluation.moving import Counts, Scores, count
 from automos.objects.verdict import Verdict
 from automos.odometry.trajectory import SequenceFrames
-from automos.pipeline import label
-from automos.result import Result
+from automos.pipeline import Found, find_labels
 from automos.settings import Settings
 from automos.simulation import SimulatedSequence, simulate
 from automos.views.topdown import View, draw_views
@@ -47,7 +46,7 @@ def run_demo(folder: Path, settings: Settings, progress: Callable[[str, int, int
     world = simulate(SCENARIO, SENSOR, SCANS, SEED)
     scans, truth = _record(world, progress)
     recording = ArraySequence(scans, world.stamps, name="street", is_compensated=world.is_compensated)
-    result = label(recording, settings, progress=progress)
+    result = find_labels(recording, settings, progress=progress)
     counts = [count(result.labels(i), truth[i]) for i in range(SCANS)]
     scores = sum(counts[1:], counts[0]).scores
 
@@ -69,7 +68,7 @@ def _record(world: SimulatedSequence, progress: Callable[[str, int, int], None])
     return scans, truth
 
 
-def _draw(recording: Sequence, result: Result, truth: list[np.ndarray], picture: Path) -> None:
+def _draw(recording: Sequence, result: Found, truth: list[np.ndarray], picture: Path) -> None:
     frames = SequenceFrames(recording, result.trajectory)
     views = []
     for i in (SCANS // 3, 2 * SCANS // 3):
@@ -81,7 +80,7 @@ def _draw(recording: Sequence, result: Result, truth: list[np.ndarray], picture:
     draw_views(views, picture, center, RADIUS, tracks, columns=2)
 
 
-def _report(scores: Scores, counts: list[Counts], result: Result) -> str:
+def _report(scores: Scores, counts: list[Counts], result: Found) -> str:
     n_moving = int((result.verdicts.verdict == Verdict.MOVING).sum())
     stages = "\n".join(f"| {stage} | {seconds / SCANS:.3f} |" for stage, seconds in result.seconds.items())
     return f"""# A simulated street, labelled from its scans alone

@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.markup import escape
 
 from automos.cli.consoles import console, output
 from automos.cli.options import Format, Lag, Overrides, Rate, SettingsFile
+from automos.core.errors import plain
 
 if TYPE_CHECKING:
     from automos.live.feed import Feed
@@ -75,7 +77,7 @@ def live(
         console.print(LINE if is_cold() else "getting ready", markup=False)
         labeler = automos.Labeler(chosen, lag=lag, is_compensated=feed.is_compensated)
         labeler.warm_up()
-        tally = run_live(feed, labeler, sinks, names, _Line(feed.name))
+        tally = run_live(feed, labeler, sinks, names, _Line(feed.name, stack))
         if out is not None:
             writer.finish(_about(feed, tally, lag))
     where = "" if out is None else f"labels in {out}/predictions"
@@ -124,21 +126,18 @@ def _serving(name: str, port: int, stack: ExitStack) -> Sink:
 
 
 class _Line:
-    """Says every few seconds how it goes, where nobody looks at a viewer."""
+    """Says on one line how it goes; every few seconds on a new one where there is no terminal."""
 
     EVERY = 5.0
 
-    def __init__(self, name: str):
-        self._name, self._next = name, 0.0
+    def __init__(self, name: str, stack: ExitStack):
+        self._name, self._next = plain(name), 0.0
+        self._shown = stack.enter_context(console.status("getting ready")) if console.is_terminal else None
 
     def __call__(self, tally: Tally) -> None:
-        if tally.labelled == 0 and not self._next:
-            console.print(f"{self._name}: waiting for scans (Ctrl-C ends it)", markup=False)
+        how = tally.line() if tally.labelled else "waiting for scans (Ctrl-C ends it)"
+        if self._shown is not None:
+            self._shown.update(escape(f"{self._name}: {how}"))
         elif time.monotonic() >= self._next:
-            console.print(
-                f"{tally.labelled} scans labelled, {tally.left_out} left out, {tally.milliseconds[-1]:.0f} ms the last",
-                markup=False,
-            )
-        else:
-            return
-        self._next = time.monotonic() + self.EVERY
+            console.print(f"{self._name}: {how}", markup=False, highlight=False)
+            self._next = time.monotonic() + self.EVERY * (tally.labelled > 0)

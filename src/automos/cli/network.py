@@ -64,7 +64,8 @@ def train(
     init = shipped(".pt") if init == Path("shipped") else init
     console.print(device_note(device))
     with StageProgress(console, "train") as progress:
-        best = train_on(together, out, chosen, init, device, devices, progress, loaders=loaders)
+        say = lambda sentence: console.print(sentence, markup=False, highlight=False)  # noqa: E731
+        best = train_on(together, out, chosen, init, device, devices, progress, loaders=loaders, report=say)
     output.print(f"IoU of the moving class {100 * best.card['validation_iou']:.1f} % on validation\n{out}/best.pt")
 
 

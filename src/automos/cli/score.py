@@ -21,22 +21,33 @@ def evaluate(
     format: Format = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="write the scores here")] = None,
 ) -> None:
-    """Score labels against the ground truth of a recording, as SemanticKITTI's moving-object benchmark does."""
+    """Score labels against the ground truth of a recording: points, as SemanticKITTI's moving-object benchmark does.
+
+    Then, where truth and labels name objects: movers whole, missed, split or merged, tracks, and boxes.
+    """
     from automos.core.atomic import write_text
     from automos.core.claims import SIGN, claim_file
+    from automos.evaluation.objects_table import objects_table
     from automos.evaluation.report import evaluate_recordings
     from automos.readers import open_recordings
+    from automos.results.box_scores import score_boxes
     from automos.writers.flow import score_flow
 
     recordings = open_recordings(recording, format)
     if json_file is not None:
         claim_file(json_file)
     report, flow = evaluate_recordings(predictions, recordings), score_flow(predictions, recordings)
+    boxes = score_boxes(
+        predictions, {s: report.recordings[s.name].overlaps for s in recordings if s.name in report.recordings}
+    )
     output.print(report.table())
+    if report.objects is not None:
+        output.print(objects_table(report.objects, boxes))
     if flow is not None:
         output.print(flow.table())
     if json_file is not None:
-        scores = {"comment": SIGN.decode(), **report.to_dict(), **({} if flow is None else {"flow": flow.to_dict()})}
+        scores = {"comment": SIGN.decode(), **report.to_dict()}
+        scores |= {name: more.to_dict() for name, more in (("boxes", boxes), ("flow", flow)) if more is not None}
         write_text(json_file, json.dumps(scores, indent=2, allow_nan=False) + "\n")
 
 

@@ -51,6 +51,7 @@ def simulate(
     weather: Annotated[str, typer.Option(help="an unknown name lists all")] = "clear",
     blooming: Annotated[bool, typer.Option(help="bright signs bleed into neighbouring beams")] = False,
     lidars: Annotated[int, typer.Option(help="sensors on the vehicle, their clouds merged")] = 1,
+    bag: Annotated[bool, typer.Option("--bag", help="OUT/bag as well: a ROS 2 bag with an IMU")] = False,
     workers: Annotated[int, typer.Option(min=0, help="processes; 0: one per core")] = 0,
 ) -> None:
     """Write a simulated recording with exact ground truth, in SemanticKITTI's layout.
@@ -64,6 +65,8 @@ def simulate(
     conditions = simulation.Conditions(rig, weather, blooming)
     if convention or conditions != simulation.Conditions() or lidars != 1:
         kept = simulation.Convention.parse(convention or [])
+        if bag:
+            raise InputError("--bag goes with the plain recording: give no convention, rig, weather or second LiDAR.")
         if compensated:
             raise InputError("--compensated goes with the plain recording; give --convention reference=middle instead.")
         recorded = simulation.record(
@@ -74,5 +77,5 @@ def simulate(
         return
     sequence = simulation.simulate(scenario, sensor, scans, seed, compensated)
     with StageProgress(console, sequence.name) as progress:
-        simulation.write(sequence, out, workers, progress)
+        simulation.write(sequence, out, workers, progress, bag)
     output.print(f"{len(sequence)} scans in {out}")

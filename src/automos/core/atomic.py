@@ -109,18 +109,22 @@ def write_text(path: Path, text: str) -> None:
         temporary.write_text(text, encoding="utf-8")
 
 
+def write_bytes(path: Path, content: bytes | memoryview) -> None:
+    """Write `content` to `path`, completely or not at all."""
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(content)
+
+
 def write_raw(path: Path, array: npt.NDArray) -> None:
     """Write the numbers of `array` and nothing else to `path`, whole or not at all.
 
     `ndarray.tofile`, and `numpy.save` to a file, say nothing where the disk is full when their file is closed.
     """
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(np.ascontiguousarray(array).reshape(-1).view(np.uint8).data)
+    write_bytes(path, np.ascontiguousarray(array).reshape(-1).view(np.uint8).data)
 
 
 def write_npy(path: Path, array: npt.NDArray) -> None:
     """Write `array` to `path` as NumPy's file, whole or not at all; see `write_raw`."""
     content = io.BytesIO()
     np.save(content, array)
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(content.getbuffer())
+    write_bytes(path, content.getbuffer())

@@ -55,6 +55,14 @@ def make_transform(R: npt.ArrayLike | None = None, t: npt.ArrayLike | None = Non
     return T
 
 
+def quaternion_of(T: npt.ArrayLike) -> Array:
+    """Return (4,) the rotation of `T` (4, 4) as x, y, z, w, the first of w, x, y, z that is not 0 positive."""
+    from scipy.spatial.transform import Rotation
+
+    found: Array = Rotation.from_matrix(np.asarray(T)[:3, :3]).as_quat(canonical=True)
+    return found
+
+
 def se3_exp(xi: npt.ArrayLike) -> Array:
     """Return the (..., 4, 4) transforms of twists `xi` (..., 6): translation part first, then rotation vector."""
     xi = np.asarray(xi, np.float64)

@@ -57,6 +57,11 @@ def find_unknown(semantic: npt.NDArray[np.uint32]) -> int | None:
     return None if is_known.all() else int(classes[is_known.argmin()])
 
 
+def as_probability(confidence: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
+    """Return (N,) `confidence`, which is stored in a byte, as the probability in [0, 1] that a label is right."""
+    return confidence.astype(np.float32) / np.float32(255.0)
+
+
 def pack(labels: npt.NDArray, instances: npt.NDArray | None = None) -> npt.NDArray[np.uint32]:
     """Return (N,) uint32 labels as SemanticKITTI stores them: class below, instance id in the upper 16 bits."""
     packed = labels.astype(np.uint32)

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from automos.core.arrays import as_array
 from automos.core.errors import InputError
 from automos.core.scan import Mask, Pose, Scan, Sequence
+from automos.core.upright_boxes import TrueBoxes
 
 
 class OwnSequence(Sequence):
@@ -125,6 +126,10 @@ class OwnSequence(Sequence):
     def truth_motion(self, index: int) -> npt.NDArray[np.float32] | None:
         """Return what the caller's class gives."""
         return self._given.truth_motion(index)
+
+    def truth_boxes(self, index: int) -> TrueBoxes | None:
+        """Return what the caller's class gives."""
+        return self._given.truth_boxes(index)
 
     def fingerprint(self) -> str:
         """Return what the caller's class gives."""

@@ -45,7 +45,7 @@ class StageProgress:
         """Draw on `console`, under `title`; `counted` says what."""
         columns = (BarColumn(), MofNCompleteColumn(), _RateColumn(counted), TimeElapsedColumn(), TimeRemainingColumn())
         self._console, self._title, self._counted = console, plain(title), counted
-        self._lines: dict[str, tuple[float, float]] = {}  # when each stage began, and when a line was last printed
+        self._lines: dict[str, tuple[float, int, float]] = {}  # when and where a stage began, when a line was printed
         self._bars = Progress(TextColumn("{task.description}", markup=False), *columns, console=console)
         self._tasks: dict[str, TaskID] = {}
 
@@ -71,9 +71,18 @@ class StageProgress:
 
     def _print(self, stage: str, done: int, total: int) -> None:
         now = time.monotonic()
-        began, said = self._lines.setdefault(stage, (now, now))
+        began, first, said = self._lines.setdefault(stage, (now, done, now))
         if done < total and now - said < LINE_EVERY:
             return
-        self._lines[stage] = began, now
-        line = f"{self._title} {stage}: {done} of {total} {self._counted}, {now - began:.0f} s"
+        self._lines[stage] = began, first, now
+        left = (now - began) / (done - first) * (total - done) if first < done < total else 0.0
+        line = f"{self._title} {stage}: {done} of {total} {self._counted}, {_words(now - began)}"
+        line += f", about {_words(left)} left" * (left > 0.0)
         self._console.print(line, markup=False, highlight=False, soft_wrap=True)
+
+
+def _words(seconds: float) -> str:
+    """Return a time as a person says it."""
+    if seconds < 100.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 6000.0 else f"{seconds / 3600.0:.1f} h"

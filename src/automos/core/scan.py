@@ -20,16 +20,14 @@ from automos.core.errors import InputError
 from automos.core.frames import Frame as Frame
 from automos.core.frames import Frames as Frames
 from automos.core.geometry import inverse, is_rigid, transform, with_exact_rotations
+from automos.core.upright_boxes import TrueBoxes
 
 OBJECT, GROUND, EGO_BODY, SPECK = 0, 1, 2, 3
 """Kinds of points of a frame: what may be an object, and what is none (a speck: a drop, dust, an insect, noise)."""
-
 MIN_RANGE = 0.1
 """Metres. Drivers write "no return" as a point at (or a rounding error from) the origin."""
-
 MAX_RANGE = 20_000.0
 """Metres. No sensor sees as far: what lies beyond is a damaged number, or a map's coordinate."""
-
 LATEST = 1e11
 """Seconds: three thousand years. Larger numbers count milliseconds or less, and are not times."""
 
@@ -128,9 +126,9 @@ class Scan:
         if self.sensor is None or self.T_scan_sensor is None:
             return slice(None), self
         rows = np.flatnonzero(self.sensor == k)
-        columns = {name: getattr(self, name) for name in ("intensity", "time", "ring")}
-        of_rows = {name: None if column is None else column[rows] for name, column in columns.items()}
-        return rows, Scan(self.rays[rows], stamp=self.stamp, name=self.name, **of_rows)
+        names = ("intensity", "time", "ring")
+        columns = {name: None if (all_of := getattr(self, name)) is None else all_of[rows] for name in names}
+        return rows, Scan(self.rays[rows], stamp=self.stamp, name=self.name, **columns)
 
     @cached_property
     def is_valid(self) -> Mask:
@@ -168,13 +166,13 @@ class Sequence:
 
         Readers call it first. A part of a recording would need its times, poses and truth, too: InputError for a slice.
         """
-        if isinstance(index, slice):
-            asked = range(*index.indices(len(self)))
-            raise InputError(f"a recording gives one scan at a time: write [recording[i] for i in {asked}]")
-        return range(len(self))[index]
+        found = range(len(self))[index]
+        if isinstance(found, range):
+            raise InputError(f"a recording gives one scan at a time: write [recording[i] for i in {found}]")
+        return found
 
     def __iter__(self) -> Iterator[Scan]:
-        return (self[i] for i in range(len(self)))
+        return map(self.__getitem__, range(len(self)))
 
     def __repr__(self) -> str:
         place = "" if self.source is None else f" from {self.source}"
@@ -227,16 +225,15 @@ class Sequence:
     def truth_motion(self, index: int) -> npt.NDArray[np.float32] | None:
         """Return the true motion of each point of scan `index` until the next scan, or None.
 
-        Parameters
-        ----------
-        index : int
-            Number of the scan, from 0.
-
         Returns
         -------
         (N, 3) float32 or None
             Metres, sensor frame, without the sensor's own motion: 0 for static points, NaN where it is unknown.
         """
+        return None
+
+    def truth_boxes(self, index: int) -> TrueBoxes | None:
+        """Return the true boxes of scan `index` that came with the recording, or None."""
         return None
 
     @property

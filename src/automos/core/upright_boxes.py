@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -71,6 +72,24 @@ class Boxes(ColumnData):
         T = np.asarray(T, np.float64)
         turn = np.arctan2(T[1, 0], T[0, 0])
         return Boxes(transform(T, self.center), self.size, wrap_angle(self.yaw + turn), self.score)
+
+
+class TrueBoxes(NamedTuple):
+    """The boxes that people, or a simulation, drew in one scan.
+
+    Attributes
+    ----------
+    ids : (K,) int64
+        As in the upper 16 bits of the scan's true labels.
+    boxes : Boxes
+        K whole objects, in a frame in which they stand upright.
+    T_boxes_sensor : (4, 4) float64
+        From the sensor's frame to theirs.
+    """
+
+    ids: npt.NDArray[np.int64]
+    boxes: Boxes
+    T_boxes_sensor: Array
 
 
 def iou_3d(a: Boxes, b: Boxes) -> Array:

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from automos.core.arguments import require_own_names
-from automos.core.claims import RESULTS, held_by
 from automos.core.errors import InputError
 from automos.core.label_files import read_labels
 from automos.core.scan import Sequence
-from automos.core.workspace import COMPLETE, RESULT_FILES, RUN_FILE, UNFINISHED, Workspace
 from automos.evaluation.moving import Counts, Scores, count
-from automos.evaluation.objects import ObjectCounts, count_objects
+from automos.evaluation.objects import FOUND, OUTCOMES, Movers, movers_of, scores_of_objects
+from automos.evaluation.overlaps import NO_TRACK, Overlaps, count_overlaps, pooled
+from automos.evaluation.predictions import find_predictions, tracks_of
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -28,19 +28,18 @@ logger = logging.getLogger(__name__)
 
 Progress = Callable[[str, int, int], None]
 
-ONLY_OURS = {"stages", *RESULT_FILES} - {"poses.txt"}
-"""What shows that a run of ours began in a folder; poses.txt is in every sequence of the benchmark, too."""
-
-FOUND = 0.5
-"""Share of its points from which an object counts as found in the summary."""
-
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """Counts of one recording."""
+    """Counts of one recording, and what its movers and tracks share."""
 
     counts: Counts = field(default_factory=Counts)
-    objects: ObjectCounts = field(default_factory=ObjectCounts)
+    overlaps: Overlaps = field(default_factory=Overlaps.empty)
+
+    @property
+    def movers(self) -> Movers:
+        """The moving objects of the truth, and what became of each."""
+        return movers_of(self.overlaps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,12 +58,22 @@ class Report:
         """The scores of all points; `scores.iou` is the benchmark's number."""
         return self.counts.scores
 
+    @property
+    def objects(self) -> dict[str, Any] | None:
+        """The scores of all objects; None where no truth names them, or no label the tracks."""
+        return _objects([result.overlaps for result in self.recordings.values()])
+
     def to_dict(self) -> dict[str, Any]:
         """Return all scores as plain numbers; ratios in [0, 1], None if undefined."""
         return {
             **_counts_dict(self.counts),
+            "objects": _plain(self.objects),
             "recordings": {
-                name: {**_counts_dict(result.counts), "objects": _objects_dict(result.objects)}
+                name: {
+                    **_counts_dict(result.counts),
+                    "objects": _movers_dict(result.movers),
+                    "of_objects": _plain(_objects([result.overlaps])),
+                }
                 for name, result in self.recordings.items()
             },
         }
@@ -153,7 +162,7 @@ def evaluate_folder(folder: str | Path, sequence: Sequence, progress: Progress |
         A prediction or the ground truth of a scan is missing, damaged, or has another number of points.
     """
     folder = Path(folder)
-    counts, objects = Counts(), ObjectCounts()
+    counts, overlaps = Counts(), [Overlaps.empty()]
     for i, name in enumerate(sequence.names):
         truth = sequence.truth(i)
         if truth is not None:
@@ -161,37 +170,10 @@ def evaluate_folder(folder: str | Path, sequence: Sequence, progress: Progress |
             with np.errstate(invalid="ignore", over="ignore"):
                 ranges = np.linalg.norm(sequence[i].points, axis=1)
             counts += count(prediction, truth, ranges)
-            objects += count_objects(prediction, truth)
+            overlaps.append(count_overlaps(i, prediction, truth, tracks_of(folder, name, prediction)))
         if progress is not None:
             progress(f"evaluating {sequence.name}", i + 1, len(sequence))
-    return Result(counts, objects)
-
-
-def find_predictions(root: Path, name: str, is_only: bool) -> Path:
-    """Return the folder of recording `name`'s label files; for a single recording (`is_only`), also `root`."""
-    homes = [root / name, root / "sequences" / name]
-    if is_only:
-        homes.insert(0, root)
-    for home in homes:
-        for folder in (home / "predictions", home):
-            if any(folder.glob("[!.]*.label")):
-                _require_finished(home)
-                return folder
-    raise InputError(f"{root} holds no predictions for {name}; give a results folder, or a folder of .label files")
-
-
-def _require_finished(folder: Path) -> None:
-    """Raise InputError if `folder` is an unfinished run of ours; labels of other programs may be anywhere."""
-    is_ours = held_by(folder) == RESULTS or any((folder / name).exists() for name in ONLY_OURS)
-    in_fleet = (folder.parent / "ledger").is_dir()
-    last = COMPLETE if in_fleet else RUN_FILE
-    if (is_ours or in_fleet) and not (folder / last).exists():
-        raise InputError(f"{folder} was not labelled to its end (it holds no {last}): run the same command again")
-    run = Workspace(folder).read_run()
-    if (is_ours or in_fleet) and not run:
-        raise InputError(f"{folder / RUN_FILE} is missing or damaged: run the same command again")
-    if run.get(UNFINISHED):
-        raise InputError(f"{folder} is without decisions of its review, as its run was cut off: repeat automos label")
+    return Result(counts, Overlaps.concatenate(overlaps))
 
 
 def _has_truth(sequence: Sequence) -> bool:
@@ -216,10 +198,25 @@ def _scores_dict(scores: Scores) -> dict[str, float | int | None]:
     return {**{name: None if math.isnan(value) else value for name, value in ratios.items()}, **asdict(scores)}
 
 
-def _objects_dict(objects: ObjectCounts) -> list[dict[str, float | int]]:
-    columns = (objects.instance, objects.label & 0xFFFF, objects.n_scans, objects.n_points, objects.recall)
-    names = ("instance", "label", "n_scans", "n_points", "recall")
-    return [dict(zip(names, row, strict=True)) for row in zip(*(column.tolist() for column in columns), strict=True)]
+def _objects(recordings: list[Overlaps]) -> dict[str, Any] | None:
+    overlaps = pooled(recordings)
+    is_told = (overlaps.mover > 0).any() and (overlaps.track > NO_TRACK).any()
+    return scores_of_objects(overlaps) if is_told else None
+
+
+def _plain(value: Any) -> Any:
+    """Return nested `value` with None for what is not a number."""
+    if isinstance(value, dict):
+        return {key: _plain(inner) for key, inner in value.items()}
+    return None if isinstance(value, float) and math.isnan(value) else value
+
+
+def _movers_dict(movers: Movers) -> list[dict[str, Any]]:
+    columns = (movers.label >> 16, movers.label & 0xFFFF, movers.n_scans, movers.n_points, movers.recall)
+    names = ("instance", "label", "n_scans", "n_points", "recall", "outcome", "track", "association")
+    outcome = np.array(OUTCOMES)[movers.outcome]
+    rows = zip(*(one.tolist() for one in (*columns, outcome, movers.best, movers.association)), strict=True)
+    return [dict(zip(names, row, strict=True)) for row in rows]
 
 
 def _cells(scores: Scores) -> list[str]:
@@ -231,5 +228,5 @@ def _cells(scores: Scores) -> list[str]:
 
 
 def _found(results: Iterable[Result]) -> str:
-    recall = np.concatenate([result.objects.recall for result in results])
+    recall = np.concatenate([result.movers.recall for result in results])
     return f"{int((recall >= FOUND).sum())} of {len(recall)}" if len(recall) else "-"

@@ -1,7 +1,7 @@
 """Moving points found by a published method, in place of free-space evidence.
 
-ERASOR is the paper's. Other methods are handed in by packages that name them in the entry point group
-`automos.evidence`, as this one names its own rivals: a mapping of names to objects with `find_moving` and `key`.
+Methods are handed in by packages that name them in the entry point group `automos.evidence`, as this one names its own
+(ERASOR, which is the paper's, among them): a mapping of names to objects with `find_moving` and `key`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.core.scan import Frames, Mask
-from automos.evidence.paper import erasor
 from automos.settings import Settings
 
 FindMoving = Callable[[Frames, npt.NDArray, Settings, int], Iterator[tuple[int, Mask]]]
@@ -31,19 +30,6 @@ class Published(Protocol):
     @property
     def key(self) -> str:
         """All parameters as a text, which is part of the fingerprint of results."""
-
-
-def find_moving(frames: Frames, stamps: npt.NDArray, settings: Settings, start: int) -> Iterator[tuple[int, Mask]]:
-    """Yield the index of each frame from `start` on, and (M,) which of its points the chosen method finds moving."""
-    name = settings.candidates.method
-    chosen = find_with_erasor if name == "erasor" else handed_in(name).find_moving
-    return chosen(frames, stamps, settings, start)
-
-
-def find_with_erasor(frames: Frames, stamps: npt.NDArray, settings: Settings, start: int) -> Iterator[tuple[int, Mask]]:
-    """Yield the index of each frame from `start` on, and (M,) which of its points ERASOR finds moving."""
-    for i, score in erasor.find_candidates(frames, settings.candidates.erasor, start):
-        yield i, score > 0.5
 
 
 def handed_in(name: str) -> Published:

@@ -16,12 +16,13 @@ from automos.core.workspace import Arrays, PerScan
 from automos.evidence.free_space import FreeSpace
 from automos.evidence.ground import find_ground
 from automos.evidence.network_cue import add_cue, read_cue
-from automos.evidence.paper.erasor import PUBLISHED
-from automos.evidence.published import find_moving
+from automos.evidence.published import handed_in
 from automos.settings import SelfTrainingSettings, Settings
 
 _CERTAIN = 4.0
 """Log-odds of the points of a method that only decides between moving and static."""
+_EGO_RADIUS = 2.7
+"""Metres around the sensor within which such methods take everything for the ego body, as ERASOR's authors do."""
 
 
 def find_candidates(
@@ -65,13 +66,14 @@ def _free_space(frames: Frames, stamps: npt.NDArray, settings: Settings, workers
 
 
 def _moving_points(frames: Frames, stamps: npt.NDArray, settings: Settings, workers: int, scans: range) -> PerScan:
-    """Yield the moving points of ERASOR or another published method."""
+    """Yield the moving points of a published method."""
     pattern = learn_pattern(evenly_spread(frames, 5))
     steps = np.array([pattern.row_height, pattern.column_width])
-    for i, is_moving in islice(find_moving(frames, stamps, settings, scans.start), len(scans)):
+    found = handed_in(settings.candidates.method).find_moving(frames, stamps, settings, scans.start)
+    for i, is_moving in islice(found, len(scans)):
         frame = frames[i]
         is_ground, height = find_ground(frame.points_level, frame.origin_level, settings.candidates.ground)
         kind = np.where(is_ground, GROUND, OBJECT).astype(np.uint8)
-        kind[np.hypot(frame.points[:, 0], frame.points[:, 1]) < PUBLISHED.ego_radius] = EGO_BODY
+        kind[np.hypot(frame.points[:, 0], frame.points[:, 1]) < _EGO_RADIUS] = EGO_BODY
         solidity = np.full(len(kind), 255, np.uint8)
         yield i, candidates_of(np.where(is_moving, _CERTAIN, -_CERTAIN), kind, height, solidity, steps)

@@ -26,6 +26,8 @@ Sink = Callable[[Scan, LabelledScan], None]
 
 LOOK = 0.2
 """Seconds after which it is looked whether the feed is over."""
+RECENT = 50
+"""Scans over which their rate is told."""
 REPORT_EVERY = 5.0
 """Seconds between two sentences about scans that are left out."""
 
@@ -42,6 +44,10 @@ class Tally:
         Points of the labelled scans, and those of them that move.
     milliseconds : deque[float]
         From when a scan was taken to when it was labelled, of the latest thousand scans.
+    movers : int
+        Moving objects in the latest labelled scan.
+    ages : deque[tuple[float, float]]
+        When the latest scans' labels were given back, and how long after they had been taken, seconds.
     """
 
     labelled: int = 0
@@ -49,12 +55,28 @@ class Tally:
     points: int = 0
     moving: int = 0
     milliseconds: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
+    movers: int = 0
+    ages: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=RECENT))
 
-    def add(self, given: LabelledScan) -> None:
-        """Count one more labelled scan."""
+    def add(self, given: LabelledScan, taken_at: float) -> None:
+        """Count one more labelled scan, which was taken at a time of `time.perf_counter`."""
+        now = time.perf_counter()
+        self.ages.append((now, now - taken_at))
+        self.movers = len(given.objects)
         self.labelled += 1
         self.points += len(given.labels)
         self.moving += int(np.count_nonzero(given.labels == Label.MOVING))
+
+    def line(self) -> str:
+        """Return how it goes: scans a second, seconds until a scan has its labels, movers, scans left out."""
+        (first, _), (last, lag) = self.ages[0], self.ages[-1]
+        rate = (len(self.ages) - 1) / max(last - first, 1e-9)
+        return f"{rate:.1f} scans/s, lag {lag:.2f} s, {self.movers} moving, {self.left_out} of {self.offered} dropped"
+
+    @property
+    def offered(self) -> int:
+        """Scans that came."""
+        return self.labelled + self.left_out
 
     def sentence(self, name: str) -> str:
         """Return it as a sentence for a terminal."""
@@ -89,7 +111,7 @@ def run_live(
     AutomosError : what stopped the feed; what was pushed has been given to the sinks then.
     """
     tally, watch = Tally(), _Watch()
-    waiting: deque[Scan] = deque()  # taken and not given back yet: as many as the lag holds
+    waiting: deque[tuple[Scan, float]] = deque()  # taken, when, and not given back yet: as many as the lag holds
     taken_at: deque[float] = deque()
     sinks, say = list(sinks), report or (lambda tally: None)
 
@@ -99,14 +121,14 @@ def run_live(
             if scan is not None:
                 if names is not None:
                     names.append(scan.name)
-                waiting.append(scan)
                 taken_at.append(time.perf_counter())
+                waiting.append((scan, taken_at[-1]))
                 yield scan
 
     def give(done: Iterable[LabelledScan]) -> None:
         for given in done:
-            scan = waiting.popleft()
-            tally.add(given)
+            scan, taken = waiting.popleft()
+            tally.add(given, taken)
             for sink in sinks:
                 sink(scan, given)
 

@@ -7,9 +7,11 @@ from itertools import count, pairwise
 import numpy as np
 
 from automos.core.scan import Scan
-from automos.readers.pcap import Datagrams, join
-from automos.readers.velodyne_decoder import FACTORY, SweepDecoder, tells_calibration
-from automos.readers.velodyne_sweeps import PACKET, SweepCutter, is_of_points
+from automos.readers.packets.decode import to_scan
+from automos.readers.packets.layouts import VELODYNE, layout_of
+from automos.readers.packets.pcap import Datagrams, join
+from automos.readers.packets.sweeps import SweepCutter
+from automos.readers.packets.velodyne import FACTORY, VelodyneDecoder, tells_calibration
 
 CALIBRATION = 4160 + 16
 """Packets in which an HDL-64E sends its whole calibration; its first seconds are spent on that."""
@@ -25,9 +27,9 @@ class VelodyneAssembler:
     kind = "Velodyne"
 
     def __init__(self) -> None:
-        self._cutter, self._parts = SweepCutter(), list[Datagrams]()
+        self._cutter, self._parts = SweepCutter(VELODYNE), list[Datagrams]()
         self._first: list[bytes] = []
-        self._decoder: SweepDecoder | None = None
+        self._decoder: VelodyneDecoder | None = None
         self._sends_calibration = False
         self._stamp, self._number = 0.0, count()
 
@@ -38,7 +40,7 @@ class VelodyneAssembler:
             return [], len(payloads)
         packets = Datagrams(
             np.zeros(len(rows), np.int64),
-            np.frombuffer(b"".join(payloads[i] for i in rows), np.uint8).reshape(-1, PACKET),
+            np.frombuffer(b"".join(payloads[i] for i in rows), np.uint8).reshape(-1, VELODYNE.size),
             np.array([seconds[i] for i in rows]),
             np.zeros(len(rows), np.int64),
         )
@@ -59,10 +61,10 @@ class VelodyneAssembler:
         parts, self._parts = self._parts, []
         if not parts or self._decoder is None or (self._sends_calibration and len(self._first) < CALIBRATION):
             return []
-        return [self._decoder.scan(join(parts), self._stamp, f"{next(self._number):06d}")]
+        return [to_scan(self._decoder.columns(join(parts)), self._stamp, f"{next(self._number):06d}")]
 
     def _is_own(self, payload: bytes) -> bool:
-        if len(payload) != PACKET or not is_of_points(np.frombuffer(payload, np.uint8)[None])[0]:
+        if layout_of(payload) is not VELODYNE:
             return False
         return self._decoder is None or self._sends_calibration or payload[FACTORY] == self._first[0][FACTORY]
 
@@ -75,4 +77,4 @@ class VelodyneAssembler:
                 if len(self._first) == MODEL_PACKETS:
                     self._sends_calibration = tells_calibration(self._first)
                     wanted = CALIBRATION if self._sends_calibration else MODEL_PACKETS
-                    self._decoder = SweepDecoder(self._first, "what comes")
+                    self._decoder = VelodyneDecoder(self._first, "what comes")

@@ -17,7 +17,8 @@ from automos.core.run import Progress
 from automos.core.scan import Sequence
 from automos.core.workspace import RUN_FILE
 from automos.evaluation.moving import Counts, count
-from automos.evaluation.report import evaluate_folder, find_predictions
+from automos.evaluation.predictions import find_predictions
+from automos.evaluation.report import evaluate_folder
 from automos.labeling import label_recording
 from automos.network.domains import Domain, write_part
 from automos.network.recordings import Source
@@ -66,7 +67,7 @@ class Experiment:
     settings: Settings
     tuning: Settings
     device: Any = "auto"
-    progress: Progress | None = None
+    progress: Progress = lambda name, done, total: None
     seconds: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -16,13 +16,12 @@ import numpy.typing as npt
 
 from automos.core.beam_pattern import learn_pattern
 from automos.core.errors import InputError
-from automos.core.label_files import read_labels
+from automos.core.label_files import read_confidences, read_labels
 from automos.core.labels import Label, to_mos
-from automos.core.reading import damage_reported, read_array
 from automos.core.run import Progress
 from automos.core.scan import Frame, Scan, Sequence
 from automos.core.workspace import Workspace, fingerprint
-from automos.evaluation.report import find_predictions
+from automos.evaluation.predictions import find_predictions
 from automos.network.images import SensorView, Window, thin
 from automos.network.projection import beam_grid
 from automos.network.residuals import SPACING, pick_past
@@ -125,16 +124,8 @@ class LabelledRecording:
             return (np.zeros(n_points, np.uint8) if truth is None else to_mos(truth)), certain
         path = self._predictions.parent / "confidences" / f"{name}.npy"
         if path.exists():
-            certain = _confidences(path, n_points)
+            certain = read_confidences(path, n_points)
         return to_mos(read_labels(self._predictions / f"{name}.label", n_points)), certain
-
-
-def _confidences(path: Path, n_points: int) -> npt.NDArray[np.float32]:
-    with damage_reported(path, "holds no confidences of its scan"):
-        certain = read_array(path)
-        if certain.shape != (n_points,) or certain.dtype.kind != "f" or not ((certain >= 0) & (certain <= 1)).all():
-            raise ValueError(f"{n_points} numbers from 0 to 1 are needed")
-    return certain
 
 
 class Shelf:

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import numpy.typing as npt
 
 from automos.core.arrays import evenly_spread
 from automos.core.errors import InputError
+from automos.core.run import Progress
 from automos.network.augmentation import SEED, UNCHANGED, apply_change, draw_change
 from automos.network.images import BASE_CHANNELS, make_image
 from automos.network.recordings import LabelledRecording, Shelf
 from automos.settings import NetworkSettings
 
-_CACHED_SCANS = 4000
-"""Scans kept in memory, thinned to one point per pixel: 8 GB at most, at the full image."""
+_CACHED_SCANS = 200
+"""Scans kept in memory, thinned to one point per pixel: half a gigabyte at most, at the full image."""
 _CLASS_NAMES = ("unlabeled", "static", "moving")
 
 
@@ -62,7 +65,7 @@ class ValidationSamples:
     """Windows evenly spread over several recordings, unchanged."""
 
     def __init__(self, recordings: list[LabelledRecording], settings: NetworkSettings):
-        self._shelf = Shelf(recordings, _CACHED_SCANS)
+        self._shelf = Shelf(recordings, _CACHED_SCANS // 10)
         self._settings = settings
         everything = [(r, i) for r, recording in enumerate(recordings) for i in range(len(recording))]
         n = min(settings.training.validation_scans, len(everything))
@@ -110,7 +113,9 @@ def _targets(
     return np.where(is_seen, classes[rows], 0).astype(np.int64), np.where(is_seen, confidence[rows], np.float32(0.0))
 
 
-def measure_classes(recordings: list[LabelledRecording], n_scans: int = 60) -> npt.NDArray[np.float64]:
+def measure_classes(
+    recordings: list[LabelledRecording], progress: Progress = lambda name, done, total: None, n_scans: int = 60
+) -> npt.NDArray[np.float64]:
     """Return (3,) class weights, 1 / sqrt(share of labelled points) and 0 for unlabeled, from evenly spread scans.
 
     LMNet weighs by 1 / share, so that a pixel counts as moving from a probability of its share on: a few percent, which
@@ -121,7 +126,7 @@ def measure_classes(recordings: list[LabelledRecording], n_scans: int = 60) -> n
     InputError : no point of a class in any of them.
     """
     counts = np.zeros(3)
-    for recording, index in _spread_scans(recordings, n_scans):
+    for recording, index in _spread_scans(recordings, n_scans, "labels", progress):
         counts += np.bincount(recording.read(index).classes, minlength=3)[:3]
     for c in (1, 2):
         if counts[c] == 0:
@@ -134,12 +139,12 @@ def measure_classes(recordings: list[LabelledRecording], n_scans: int = 60) -> n
 
 
 def measure_scale(
-    recordings: list[LabelledRecording], n_scans: int = 20
+    recordings: list[LabelledRecording], progress: Progress = lambda name, done, total: None, n_scans: int = 20
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
     """Return the mean and the standard deviation (5,) of the base channels over the pixels that show something."""
     n = len(BASE_CHANNELS)
     pixels = []
-    for recording, index in _spread_scans(recordings, n_scans):
+    for recording, index in _spread_scans(recordings, n_scans, "channels", progress):
         window, _ = recording.window(index, recording.read)
         channels = make_image(window, recording.view).channels[:n]
         pixels.append(channels[:, channels[0] > 0.0])
@@ -148,7 +153,12 @@ def measure_scale(
     return values.mean(axis=1).astype(np.float32), deviation.astype(np.float32)
 
 
-def _spread_scans(recordings: list[LabelledRecording], n_scans: int) -> list[tuple[LabelledRecording, int]]:
-    """Return about `n_scans` scans, some of every recording."""
+def _spread_scans(
+    recordings: list[LabelledRecording], n_scans: int, what: str, progress: Progress
+) -> Iterator[tuple[LabelledRecording, int]]:
+    """Yield about `n_scans` scans, some of every recording."""
     each = max(-(-n_scans // len(recordings)), 1)
-    return [(recording, i) for recording in recordings for i in evenly_spread(range(len(recording)), each)]
+    chosen = [(recording, i) for recording in recordings for i in evenly_spread(range(len(recording)), each)]
+    for done, one in enumerate(chosen, start=1):
+        yield one
+        progress(what, done, len(chosen))

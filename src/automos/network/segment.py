@@ -55,7 +55,7 @@ def segment_recording(
     Parameters
     ----------
     probabilities : bool
-        Also write probabilities/*.npy, (N,) float16 per scan, the cue of `candidates.cue`.
+        Also write probabilities/*.npy, (N,) float16 per scan, the cue of `self_training.folder`.
 
     Raises
     ------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -38,15 +39,16 @@ def train(
     init: Path | None = None,
     device: str = "auto",
     devices: int = 1,
-    progress: Progress | None = None,
+    progress: Progress = lambda name, done, total: None,
     poses: Path | None = None,
     loaders: int | None = None,
+    report: Callable[[str], object] = lambda sentence: None,
 ) -> Checkpoint:
     """Train LMNet on `data` into folder `out`, or go on where a killed run stopped; return the best network.
 
     `out` / best.pt is the network with all that is needed to run it. `init` fine-tunes a checkpoint. Poses which no
     results folder holds are estimated once into `poses` (`out` / poses where not given). `loaders` processes prepare
-    scans; 0: the training process itself; None: up to 8 beside a GPU, 0 on a CPU.
+    scans; 0: the training process itself; None: up to 8 beside a GPU, 0 on a CPU. `report` is told how it goes.
 
     Raises
     ------
@@ -61,7 +63,7 @@ def train(
     _claim(out, data, settings, init)
     network = settings.network
     recordings = open_labelled(list(data.train), settings, poses or out / "poses", progress)
-    weights = measure_classes(recordings)
+    weights = measure_classes(recordings, progress)
     if data.validation:
         validation = open_labelled(list(data.validation), settings, poses or out / "poses", progress)
     else:
@@ -77,7 +79,7 @@ def train(
         ValidationSamples(validation, network),
         network,
         weights,
-        measure_scale(recordings),
+        measure_scale(recordings, progress),
         out,
         card,
         init,
@@ -85,6 +87,7 @@ def train(
         devices,
         progress,
         loaders,
+        report,
     )
 
 

@@ -28,12 +28,15 @@ from torch.utils.data import DataLoader
 from automos.core.errors import InputError
 from automos.core.parallel import available_cores
 from automos.network.augmentation import SEED
+from automos.network.callbacks import Kept, Told
 from automos.network.checkpoint import Checkpoint, load_checkpoint, require_shape, save_checkpoint
 from automos.network.module import MONITORED, Training
-from automos.settings import NetworkSettings
+from automos.settings import NetworkSettings, TrainingSettings
 
 _PATIENCE = 30
 """Epochs without a better validation until training stops: a fifth of the 150 that are the most."""
+_AT_ONCE = 64 * 2048 * 32
+"""Pixels times channels that a CPU trains on at once: one scan by the full network, which takes 2 GB."""
 _MOST_LOADERS = 8
 """An H100 trains the full network on 70 scans a second, a core prepares 8 to 10; each process takes time to start."""
 
@@ -49,9 +52,9 @@ class Samples(Sized, Protocol):
 
 
 class _Data(lightning.LightningDataModule):
-    def __init__(self, train: Samples, validation: Samples, batch: int, loaders: int):
+    def __init__(self, train: Samples, validation: Samples, at_once: int, loaders: int):
         super().__init__()
-        self._train, self._validation, self._batch, self._loaders = train, validation, batch, loaders
+        self._train, self._validation, self._at_once, self._loaders = train, validation, at_once, loaders
 
     def train_dataloader(self) -> DataLoader:
         assert self.trainer is not None
@@ -63,7 +66,7 @@ class _Data(lightning.LightningDataModule):
 
     def _loader(self, samples: Any) -> DataLoader:
         # Samples come in the order in which they were drawn: what is drawn depends on seed and epoch alone.
-        return DataLoader(samples, self._batch, num_workers=self._loaders)
+        return DataLoader(samples, self._at_once, num_workers=self._loaders)
 
 
 def train_network(
@@ -77,8 +80,9 @@ def train_network(
     init: Path | None = None,
     device: str = "auto",
     devices: int = 1,
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: Callable[[str, int, int], None] = lambda name, done, total: None,
     loaders: int | None = None,
+    report: Callable[[str], object] = lambda sentence: None,
 ) -> Checkpoint:
     """Train a network, or go on where a killed run stopped; return the best, which is also in `out` / best.pt.
 
@@ -89,8 +93,9 @@ def train_network(
     card : what is to be known of the training data, written into the checkpoint.
     init : checkpoint to start from (fine-tuning).
     device : "gpu" trains in mixed precision; "auto" takes one if there is one, and says so if not.
-    progress : called with "training", the scans trained on and their total.
+    progress : called with "training" or "validation", the scans done and their total.
     loaders : processes that prepare scans; 0: the training process itself; None: `default_loaders`.
+    report : called with a sentence after every epoch, and where training goes on or ends early.
 
     Raises
     ------
@@ -108,17 +113,20 @@ def train_network(
     best = ModelCheckpoint(out, "best-{epoch}", monitor=MONITORED, mode="max", enable_version_counter=False)
     latest = ModelCheckpoint(out, "last", enable_version_counter=False)  # of every epoch, whether it got better or not
     stop = EarlyStopping(MONITORED, mode="max", patience=_PATIENCE)
-    kept = _Kept(out / "epochs", settings.training.keep, card)
-    callbacks = [best, stop, latest, kept, *_progress_of(progress)]
+    kept = Kept(out / "epochs", settings.training.keep, card)
+    callbacks = [best, stop, latest, kept, Told(progress, report)]
     loaders = default_loaders(accelerator, devices) if loaders is None else loaders
-    data = _Data(train, validation, settings.training.batch, loaders)
+    at_once = settings.training.batch if accelerator == "cuda" else scans_at_once(settings)
+    data = _Data(train, validation, at_once, loaders)
     last = out / "last.ckpt"
     with _quiet():
-        trainer = _make_trainer(out, accelerator, devices, settings.training.epochs, callbacks)
+        trainer = _make_trainer(out, accelerator, devices, settings.training, at_once, callbacks)
         if init is not None:
             start_iou = trainer.validate(run, data.val_dataloader(), verbose=False)[0][MONITORED]
             card = {**card, "iou_before": round(start_iou, 4)}
         trainer.fit(run, datamodule=data, ckpt_path=last if last.exists() else None)
+    if stop.stopped_epoch:
+        report(f"stopped after {trainer.current_epoch} epochs: {_PATIENCE} brought nothing better")
     state = torch.load(best.best_model_path, map_location="cpu", weights_only=True)["state_dict"]
     run.load_state_dict(state)
     score = {"validation_iou": round(float(best.best_model_score or 0.0), 4), "epochs": trainer.current_epoch}
@@ -129,7 +137,12 @@ def train_network(
 
 
 def _make_trainer(
-    out: Path, accelerator: str, devices: int, epochs: int, callbacks: list[lightning.Callback]
+    out: Path,
+    accelerator: str,
+    devices: int,
+    training: TrainingSettings,
+    at_once: int,
+    callbacks: list[lightning.Callback],
 ) -> lightning.Trainer:
     n_starts = len(list((out / "log").glob("*/metrics.csv")))  # a logger deletes what its folder holds
     loggers: list[Any] = [CSVLogger(out, name="log", version=str(n_starts + 1))]
@@ -140,7 +153,8 @@ def _make_trainer(
         devices=devices,
         strategy="ddp" if devices > 1 else "auto",
         precision="16-mixed" if accelerator == "cuda" else "32-true",
-        max_epochs=epochs,
+        max_epochs=training.epochs,
+        accumulate_grad_batches=training.batch // at_once,
         logger=loggers,
         callbacks=callbacks,
         enable_progress_bar=False,
@@ -181,6 +195,17 @@ def choose_accelerator(device: str, devices: int = 1) -> str:
     return "cpu"
 
 
+def scans_at_once(settings: NetworkSettings) -> int:
+    """Return how many of the scans of a step a CPU trains on at once: `_AT_ONCE`, and a whole number of times a step.
+
+    The gradient of a step is the mean of theirs, so memory does not grow with the step.
+    """
+    width = settings.training.sector or settings.image.width
+    most = _AT_ONCE // (settings.image.height * min(width, settings.image.width) * settings.model.channels)
+    batch = settings.training.batch
+    return max(n for n in range(1, batch + 1) if batch % n == 0 and n <= max(most, 1))
+
+
 def default_loaders(accelerator: str, devices: int) -> int:
     """Return how many processes prepare scans beside each GPU, which would wait for a single one; none on a CPU."""
     return min(available_cores() // devices, _MOST_LOADERS) if accelerator == "cuda" else 0
@@ -195,34 +220,3 @@ def read_curve(out: Path) -> list[dict[str, float]]:
                 row = rows.setdefault(int(line["epoch"]), {})
                 row.update({name: float(value) for name, value in line.items() if value})
     return [rows[epoch] for epoch in sorted(rows)]
-
-
-def _progress_of(progress: Callable[[str, int, int], None] | None) -> list[lightning.Callback]:
-    return [] if progress is None else [_Told(progress)]
-
-
-class _Kept(lightning.Callback):
-    """Keeps the network as it is after each of some numbers of epochs."""
-
-    def __init__(self, folder: Path, epochs: tuple[int, ...], card: dict[str, Any]):
-        self._folder, self._epochs, self._card = folder, epochs, card
-
-    def on_train_epoch_end(self, trainer: lightning.Trainer, module: lightning.LightningModule) -> None:
-        done = trainer.current_epoch + 1
-        if done in self._epochs and trainer.is_global_zero:
-            assert isinstance(module, Training)
-            self._folder.mkdir(exist_ok=True)
-            content = Checkpoint(module.network, module.settings.image, module.settings.model, self._card)
-            save_checkpoint(self._folder / f"{done:03d}.pt", content)
-
-
-class _Told(lightning.Callback):
-    """Says after every step how many scans were trained on, and out of how many."""
-
-    def __init__(self, progress: Callable[[str, int, int], None]):
-        self._progress = progress
-
-    def on_train_batch_end(self, trainer: lightning.Trainer, *_: Any) -> None:
-        batch = int(getattr(trainer.train_dataloader, "batch_size", 1))
-        steps = int(trainer.estimated_stepping_batches)
-        self._progress("training", trainer.global_step * batch, steps * batch)

@@ -25,7 +25,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence, Sized
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -34,8 +33,9 @@ from scipy.special import expit, gammaln, logit
 from automos.core.column_data import ColumnData
 from automos.core.scan import Mask
 from automos.objects.detections import Detections
-from automos.objects.motion import NOISE, smooth_paths
-from automos.objects.states import state_probabilities
+from automos.objects.face_paths import path_terms
+from automos.objects.motion import NOISE
+from automos.objects.states import later, state_probabilities
 from automos.objects.tracks import Tracks
 from automos.objects.verdict import Verdict, Verdicts
 
@@ -46,11 +46,10 @@ MOVED, STAYED = (1.02, 0.49, 0.455), (0.18, 0.98, 0.455)
 static object."""
 LOOK = 1.7  # seconds within which scans say the same
 WRONG = 0.001  # share of looks in which the evidence is that of the other state
-START, BEGIN, END = 0.12, 0.003, 0.02  # probability of motion in the first scan; changes of state per second
+BEGIN, END = 0.003, 0.02  # changes of state per second
 BODY, PIECE, POROUS, UNSTEADY = 1.8, -3.2, -0.5, -0.8  # log-odds of moving per look: of all, and per unit of a term
 LEAST_SOLID = 0.1  # lower limit of solidity relative to that of a solid face
-LEAST_SCATTER = 0.05  # metres, of the faces of a box
-DISPLACED, LEFT = 0.9, -2.6  # log-odds of a way: per factor e of it over its standard deviation, and of none
+DISPLACED, LEFT = 0.9, -2.3  # log-odds of a way: per factor e of it over its standard deviation, and of none
 SPEED = 5.0  # m/s, scale of the velocities of movers
 JUMPS = 0.05  # share of looks in which a body's box says the opposite: it is cut or joined with another
 CHANGE = 0.1  # per second, rates at which movers set off and come to rest
@@ -87,7 +86,33 @@ def segment_terms(found: Detections, is_asked: bool = True) -> SegmentTerms:
     return SegmentTerms(np.stack([x, y, z - half, z + half], axis=-1), evidence)
 
 
-def judge_tracks(tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, is_going_on: bool = False) -> Verdicts:
+@dataclass(frozen=True, eq=False)
+class Past(ColumnData):
+    """What scans that are forgotten said of T tracks.
+
+    Attributes
+    ----------
+    stamp : (T,) float64, seconds of the last of them; -inf if there is none.
+    p_moving, p_ever : (T,) float64, probabilities of moving at that time and of having moved by then.
+    """
+
+    stamp: Array
+    p_moving: Array
+    p_ever: Array
+
+    @staticmethod
+    def nothing(n: int) -> Past:
+        """Return the past of `n` tracks of which nothing is known."""
+        return Past(np.full(n, -np.inf), np.zeros(n), np.zeros(n))
+
+    def before(self, first: npt.NDArray[np.int64], times: Array) -> tuple[Array, Array]:
+        """Return both probabilities at the first of the observations (R,) of each track, before it."""
+        is_seen = np.diff(first) > 0
+        wait = np.where(is_seen, np.append(times, np.nan)[first[:-1]] - self.stamp, 0.0)
+        return later(self.p_moving, self.p_ever, wait, BEGIN, END)
+
+
+def judge_tracks(tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, past: Past | None = None) -> Verdicts:
     """Return moving for every track that has moved more likely than not.
 
     The confidence is the probability that the verdict is right. Tracks with a single observation are static, because
@@ -97,44 +122,51 @@ def judge_tracks(tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, i
     ----------
     terms : sequence of SegmentTerms, one per scan.
     stamps : (N,) float64, seconds.
-    is_going_on : whether tracks are judged while more scans come: those of the first look share it, and no way counts.
+    past : of each track, if they are judged while more scans come: those of the first look share it, and the way does
+        not count, as it is not over.
     """
-    seen = np.flatnonzero(tracks.is_observed)
-    first = np.searchsorted(tracks.track[seen], np.arange(len(tracks) + 1))
-    n_seen, times = np.diff(first), stamps[tracks.scan[seen]]
-    every = SegmentTerms.concatenate([SegmentTerms(np.zeros((0, 4)), np.zeros(0)), *terms])
-    of_rows = every[_segments(tracks, seen, terms)]
-    scatter, unsteady, displaced = path_terms(first, times, of_rows.faces)
-    ratio = of_rows.evidence + np.repeat(UNSTEADY * unsteady, n_seen)
-    worth = shared_looks(first, times) if is_going_on else looks(first, times)
-    _, p_ever = state_probabilities(first, times, ratio * worth, START, BEGIN, END)
-    if not is_going_on:  # else the way is not over
+    known = Past.nothing(len(tracks)) if past is None else past
+    first, times, ratio, scatter, displaced = _weighted(tracks, terms, stamps, known, past is not None)
+    _, p_ever = state_probabilities(first, times, ratio, *known.before(first, times), BEGIN, END)
+    if past is None:
         p_ever = expit(logit(p_ever) + DISPLACED * displaced + LEFT)
-    p_ever[n_seen < 2] = 0.0
+    p_ever[(np.diff(first) < 2) & np.isinf(known.stamp)] = 0.0
     is_moving = p_ever >= 0.5
     verdict = np.where(is_moving, Verdict.MOVING, Verdict.STATIC).astype(np.int8)
     return Verdicts(verdict, np.where(is_moving, p_ever, 1.0 - p_ever), scatter)
 
 
-def path_terms(first: npt.NDArray[np.int64], times: Array, faces: Array) -> tuple[Array, Array, Array]:
-    """Return (T,) each: scatter of centres, metres, and two logarithms: of unsteady heights, and of a track's way.
+def past_of(tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, past: Past, is_over: Mask) -> Past:
+    """Return the `past` of tracks once the scans `is_over` (N,), the first ones, belong to it; see `judge_tracks`."""
+    first, times, ratio, *_ = _weighted(tracks, terms, stamps, past, True)
+    over = np.concatenate([[0], np.cumsum(is_over[tracks.scan[tracks.is_observed]])])[first]
+    rows = np.flatnonzero(is_over[tracks.scan[tracks.is_observed]])
+    times, ratio = times[rows], ratio[rows]
+    p_moving, p_ever = state_probabilities(over, times, ratio, *past.before(over, times), BEGIN, END)
+    is_known, last = np.diff(over) > 0, over[1:] - 1
+    stamp, p_moving = (np.append(of_rows, np.nan)[last] for of_rows in (times, p_moving))
+    before = past.stamp, past.p_moving, past.p_ever
+    return Past(*(np.where(is_known, *both) for both in zip((stamp, p_moving, p_ever), before, strict=True)))
 
-    The way from first to last counts in standard deviations of the centres about their smoothed path, as segments of
-    scenery slide and jump while they come into sight.
 
-    first : (T + 1,) the first observation of each track.   times : (R,) seconds.   faces : (R, 4), see `SegmentTerms`.
+def _weighted(
+    tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, past: Past, is_going_on: bool
+) -> tuple[npt.NDArray[np.int64], Array, Array, Array, Array]:
+    """Return the first observation of each track (T + 1,), times (R,) and log-likelihood ratios (R,) of all.
 
-    Equation: way
+    Fourth and fifth are (T,) the scatter of each track, metres, and the term of its way; see `path_terms`.
     """
-    path, _, _ = smooth_paths(first, times, faces)
-    begin, n = first[:-1], np.diff(first)
-    track = np.repeat(np.arange(len(n)), n)
-    squared = [np.bincount(track, column, len(n)) / np.maximum(n, 1) for column in ((faces - path) ** 2).T]
-    unsteady = np.sqrt(np.minimum(squared[2], squared[3])) / LEAST_SCATTER
-    way, is_there = np.zeros(len(n)), n > 0
-    way[is_there] = np.linalg.norm((path[first[1:][is_there] - 1] - path[begin[is_there]])[:, :2], axis=1)
-    scatter = np.sqrt(squared[0] + squared[1]) + LEAST_SCATTER
-    return scatter, np.log1p(unsteady), np.log1p(way * np.sqrt(n) / scatter)
+    seen = np.flatnonzero(tracks.is_observed)
+    first = np.searchsorted(tracks.track[seen], np.arange(len(tracks) + 1))
+    times = stamps[tracks.scan[seen]]
+    every = SegmentTerms.concatenate([SegmentTerms(np.zeros((0, 4)), np.zeros(0)), *terms])
+    of_rows = every[_segments(tracks, seen, terms)]
+    scatter, unsteady, displaced = path_terms(first, times, of_rows.faces)
+    ratio = of_rows.evidence + np.repeat(UNSTEADY * unsteady, np.diff(first))
+    worth = looks(first, times, since=past.stamp)
+    if is_going_on:
+        _share_first_looks(worth, first, times, np.isinf(past.stamp))
+    return first, times, ratio * worth, scatter, displaced
 
 
 def moving_now(tracks: Tracks, verdicts: Verdicts, stamps: Array) -> Tracks:
@@ -149,31 +181,32 @@ def moving_now(tracks: Tracks, verdicts: Verdicts, stamps: Array) -> Tracks:
     stands = -0.5 * squared / NOISE**2 - 2.0 * np.log(NOISE)  # NOISE over a second
     times = stamps[tracks.scan]
     ratio = _doubted(moves - stands, JUMPS) * looks(first, times, 1.0)
-    p_moving, _ = state_probabilities(first, times, ratio, 0.5, CHANGE, CHANGE)
+    even = np.full(len(tracks), 0.5)
+    p_moving, _ = state_probabilities(first, times, ratio, even, even, CHANGE, CHANGE)
     p_ever = np.where(verdicts.is_moving, verdicts.confidence, 1.0 - verdicts.confidence)
     return replace(tracks, p_moving=p_moving * p_ever[tracks.track])
 
 
-def looks(first: npt.NDArray[np.int64], times: Array, look: float = LOOK) -> Array:
-    """Return (R,) the looks that each observation is worth: 1 for a track's first, then the time since the one before.
+def looks(first: npt.NDArray[np.int64], times: Array, look: float = LOOK, since: Array | float = -np.inf) -> Array:
+    """Return (R,) the looks that each observation is worth: 1, or the time since the one before if that is less.
 
     first : (T + 1,) the first observation of each track.   times : (R,) seconds.
+    since : (T,) seconds of an observation before the first one.
     """
-    worth = np.minimum(np.diff(times, prepend=times[:1]) / look, 1.0)
-    worth[first[:-1][np.diff(first) > 0]] = 1.0
-    return worth
+    before = np.append(times[:1], times[:-1])
+    is_seen = np.diff(first) > 0
+    before[first[:-1][is_seen]] = np.broadcast_to(since, len(is_seen))[is_seen]
+    return np.minimum((times - before) / look, 1.0)
 
 
-def shared_looks(first: npt.NDArray[np.int64], times: Array) -> Array:
-    """Return (R,) the same looks, those of the observations within a track's first one shared evenly among them.
+def _share_first_looks(worth: Array, first: npt.NDArray[np.int64], times: Array, is_new: Mask) -> None:
+    """Share the looks within the first one of new tracks (T,) evenly among its observations, in place.
 
     What has just come into sight is judged by all scans since, as later ones do not outweigh its first one yet.
     """
-    worth = looks(first, times)
-    for begin, end in pairwise(first):
+    for begin, end in np.column_stack([first[:-1], first[1:]])[is_new]:
         within = slice(begin, begin + np.searchsorted(times[begin:end], times[begin:end][:1].sum() + LOOK))
         worth[within] = worth[within].sum() / max(within.stop - begin, 1)
-    return worth
 
 
 def is_scenery(tracks: Tracks, verdicts: Verdicts, detections: Sequence[Detections]) -> Mask:

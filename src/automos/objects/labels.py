@@ -1,10 +1,10 @@
 """III-D: from objects to points. Only here does a point become moving.
 
-A point is MOVING if its segment is associated with a moving track (decided by `tracking.judge`, or `paper.verdict` in
-the preset `paper`), or if it stands in the box of one, unless static objects occupied its place in many more scans
-(`tracking.places`). At 2.5 scans a second or fewer nothing can be tracked, so the evidence on a segment decides
-(`tracking.object_points`). Points of the ego body, and points of less confidence than required, are UNLABELED. All
-others are STATIC.
+A point is MOVING if its segment is associated with a moving track (decided by `objects/judge.py`, or by
+`objects/paper/verdict.py` in the preset `paper`), or if it stands in the box of one, unless static objects occupied its
+place in many more scans (`objects/places.py`). At 2.5 scans a second or fewer nothing can be tracked, so the evidence
+on a segment decides (`objects/object_points.py`). Points of the ego body, and points of less confidence than required,
+are UNLABELED. All others are STATIC.
 """
 
 from __future__ import annotations

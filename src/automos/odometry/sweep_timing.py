@@ -88,7 +88,7 @@ class SweepTiming:
         else:
             is_fixed = self.seam_deg is not None
             seam = f"at {self.seam_deg:.0f} degrees" if is_fixed else f"drifting, {self.turns:.2f} turns a scan"
-            text = f"azimuth ({turning[self.turn]}, seam {seam})"
+            text = f"azimuth ({turning[self.turn]}, cut {seam})"
         part = abs(self.share) / max(1.0 if self.order is None else self.order.span / self.order.turns_per_scan, 1e-9)
         if self.source != "file" and part < 0.6:
             text += f", {part:.2g} of the time between scans"

@@ -89,7 +89,9 @@ class Trajectory:
         notes = json.loads(str(arrays["notes"]))
         timing = SweepTiming.from_dict(notes["timing"])
         parts = {name: np.asarray(arrays[name]) for name in ARRAYS}
-        return Trajectory(**parts, timing=timing, diagnostics=notes["diagnostics"], elevation=notes["elevation"])
+        return Trajectory(
+            **parts, timing=timing, diagnostics=notes["diagnostics"], elevation=notes.get("elevation", 0.0)
+        )
 
 
 def make_frame(scan: Scan, trajectory: Trajectory, index: int) -> Frame:

@@ -1,8 +1,8 @@
 """Tracks of the last seconds, and their current verdicts.
 
 The tracker advances once the evidence of a scan is complete. Later scans are tracked again from there each time, with
-the evidence available so far, because the next scan may add to it. A track is judged by its last seconds; a track that
-has moved keeps the verdict moving, however long it waits.
+the evidence available so far, because the next scan may add to it. Of scans whose evidence is final the probabilities
+remain that a track moves and has moved; so what has moved is called moving, however long it waits.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from automos.core.scan import Mask
 from automos.objects.detections import Detections
-from automos.objects.judge import SegmentTerms, is_scenery, judge_tracks, moving_now, segment_terms
+from automos.objects.judge import Past, SegmentTerms, is_scenery, judge_tracks, moving_now, past_of, segment_terms
 from automos.objects.motion import smooth_paths
 from automos.objects.tracker import Tracker, can_follow, until_last_seen
 from automos.objects.tracking import is_small
@@ -25,7 +25,7 @@ from automos.objects.verdict import Verdict, Verdicts
 from automos.settings import TrackingSettings
 
 MEMORY = 8.0
-"""Seconds of a track on which its verdict is based; as many as the lag if that is longer."""
+"""Seconds of a track that are kept scan by scan; as many as the lag if that is longer."""
 SURE = 0.9
 """Probability from which on what is too small or young to be a body moves: its pose and evidence may soon change."""
 FEW_POINTS, YOUNG = 50, 0.5
@@ -76,8 +76,7 @@ class Following:
         self._memory = max(MEMORY, lag)  # a scan that waits for its lag is still asked for
         self._tracker = Tracker(settings, first_track)
         self._steps: deque[_Step] = deque()
-        self._moved: dict[int, float] = {}
-        self._has_forgotten = False
+        self._past: dict[int, tuple[float, float, float]] = {}
 
     @property
     def next_track(self) -> int:
@@ -91,9 +90,6 @@ class Following:
         """
         rows, terms = self._tracker.step(stamp, found), segment_terms(found, is_far)
         self._steps.append(_Step(stamp, found, rows, terms))
-        while self._steps[0].stamp < stamp - self._memory:
-            self._steps.popleft()
-            self._has_forgotten = True
 
     def renew(self, stamp: float, found: Detections, is_far: bool) -> None:
         """Update the segments of the scan at `stamp`, if it is still held."""
@@ -112,11 +108,10 @@ class Following:
         is_followed = can_follow(stamps)
         tracks, numbers = _through(steps, scan)
         detections = [step.found for step in steps]
-        verdicts = self._with_memory(self._judged(tracks, steps, stamps, stamps > stamp - RECENT), numbers)
-        begins = np.full(len(numbers), len(steps))
-        # Rows of a track are in the order of scans: assigned backwards, the first one remains.
-        begins[tracks.track[::-1]] = tracks.scan[::-1]
-        self._remember(verdicts, numbers, (begins == 0) & self._has_forgotten)
+        terms, nothing = [step.terms for step in steps], (-np.inf, 0.0, 0.0)
+        past = Past(*np.array([self._past.get(k, nothing) for k in numbers.tolist()]).reshape(-1, len(nothing)).T)
+        verdicts = self._judged(tracks, steps, terms, stamps, stamps > stamp - RECENT, past)
+        self._forget(tracks, numbers, terms, stamps, past)
         if not is_followed:
             verdicts = replace(verdicts, verdict=np.full_like(verdicts.verdict, Verdict.STATIC))
         kept = ~is_scenery(tracks, verdicts, detections)
@@ -125,38 +120,46 @@ class Following:
         return Followed(smooth[rows], verdicts, numbers, is_followed)
 
     def _judged(
-        self, tracks: Tracks, steps: list[_Step], stamps: npt.NDArray[np.float64], is_recent: npt.NDArray[np.bool_]
+        self,
+        tracks: Tracks,
+        steps: list[_Step],
+        terms: list[SegmentTerms],
+        stamps: npt.NDArray[np.float64],
+        is_recent: npt.NDArray[np.bool_],
+        past: Past,
     ) -> Verdicts:
         """Return the verdicts on the tracks, moving for those that have moved in their life or in the last second."""
-        terms = [step.terms for step in steps]
-        of_life = judge_tracks(tracks, terms, stamps, is_going_on=True)
+        of_life = judge_tracks(tracks, terms, stamps, past)
         is_young = is_small(observed(tracks), len(tracks), [step.found for step in steps], stamps, FEW_POINTS, YOUNG)
         is_unsure = is_young & (of_life.confidence < SURE)
         of_life = _not_moving(of_life, of_life.is_moving & is_unsure)
         late = is_recent[tracks.scan]
         n_seen = [np.bincount(tracks.track, part & tracks.is_observed, len(tracks)) for part in (late, ~late)]
-        lately = judge_tracks(tracks[np.flatnonzero(late)], terms, stamps, is_going_on=True)
+        lately = judge_tracks(tracks[np.flatnonzero(late)], terms, stamps, Past.nothing(len(tracks)))
         sets_off = lately.is_moving & (np.minimum(*n_seen) >= FEW) & ~of_life.is_moving
         return Verdicts(
             np.where(sets_off, lately.verdict, of_life.verdict),
             np.where(sets_off, lately.confidence, of_life.confidence),
         )
 
-    def _with_memory(self, verdicts: Verdicts, numbers: npt.NDArray[np.int64]) -> Verdicts:
-        """Return the verdicts, moving for tracks that have moved before."""
-        before = np.array([self._moved.get(int(number), 0.0) for number in numbers])
-        forgotten = (before > 0.0) & ~verdicts.is_moving
-        return Verdicts(
-            np.where(forgotten, np.int8(Verdict.MOVING), verdicts.verdict),
-            np.where(forgotten, before, verdicts.confidence),
-        )
-
-    def _remember(self, verdicts: Verdicts, numbers: npt.NDArray[np.int64], is_old: npt.NDArray[np.bool_]) -> None:
-        """Store which tracks are moving among those whose beginning is dropped."""
-        alive = set(self._tracker.numbers.tolist()) | set(numbers.tolist())
-        self._moved = {number: p for number, p in self._moved.items() if number in alive}
-        for k in np.flatnonzero(is_old & verdicts.is_moving):
-            self._moved.setdefault(int(numbers[k]), float(verdicts.confidence[k]))
+    def _forget(
+        self,
+        tracks: Tracks,
+        numbers: npt.NDArray[np.int64],
+        terms: list[SegmentTerms],
+        stamps: npt.NDArray[np.float64],
+        past: Past,
+    ) -> None:
+        """Drop scans that are too old, but for what they say of the tracks."""
+        is_over = stamps < self._steps[-1].stamp - self._memory
+        if is_over.any():
+            past = past_of(tracks, terms, stamps, past, is_over)
+            alive = {*self._tracker.numbers.tolist(), *numbers.tolist()}
+            self._past = {number: about for number, about in self._past.items() if number in alive}
+            about = np.column_stack([past.stamp, past.p_moving, past.p_ever])
+            self._past.update(zip(numbers.tolist(), map(tuple, about.tolist()), strict=True))
+        for _ in range(np.count_nonzero(is_over)):
+            self._steps.popleft()
 
 
 def _not_moving(verdicts: Verdicts, which: Mask) -> Verdicts:

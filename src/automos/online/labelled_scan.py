@@ -15,7 +15,7 @@ from automos.objects.detections import Detections
 from automos.objects.tracks import Tracks
 
 if TYPE_CHECKING:
-    from automos.result import Result
+    from automos.pipeline import Found
 
 OBJECT_FIELDS = [("track", "i8"), ("center", "f8", 3), ("size", "f8", 3), ("yaw", "f8"), ("velocity", "f8", 3)]
 
@@ -71,7 +71,7 @@ def objects_of(tracks: Tracks) -> npt.NDArray:
     return out
 
 
-def labelled_scans(result: Result) -> list[LabelledScan]:
+def labelled_scans(result: Found) -> list[LabelledScan]:
     """Return all scans of a recording labelled as a whole."""
     out = []
     for i, (pose, stamp) in enumerate(zip(result.trajectory.T_level_sensor, result.trajectory.stamps, strict=True)):

@@ -54,10 +54,10 @@ class WholeRecording:
 
     def finish(self) -> list[LabelledScan]:
         """Return all scans."""
-        from automos.pipeline import label
+        from automos.pipeline import find_labels
 
         recording = ArraySequence(self._scans, is_compensated=self._is_compensated)
-        result = label(recording, self._settings, workers=self._threads)
+        result = find_labels(recording, self._settings, workers=self._threads)
         given = labelled_scans(result)
         if self._is_continuation:
             T = _turn_and_shift(given[0].pose, self.T_world_sensor)

@@ -34,16 +34,17 @@ class LeftOutError(InputError):
 
 
 FORMATS: tuple[str, ...] = (
-    "rosbag", "velodyne", "ouster", "argoverse2", "waymo", "nuscenes", "kitti_raw", "kitti_tracking", "helipr",
-    "mulran", "apollo", "helimos", "semanticposs", "kitti", "folder",
+    "zipped", "rosbag", "packets", "ouster", "argoverse2", "waymo", "nuscenes", "pandaset", "kitti_raw",
+    "kitti_tracking", "helipr", "mulran", "boreas", "apollo", "helimos", "semanticposs", "kitti", "folder",
 )  # fmt: skip
-"""Formats of recordings in the order they are tried; each is a module of this package."""
+"""Formats of recordings in the order they are tried; each is a module of this package, or one of `stamped_drives`."""
 
 
 def load_format(name: str) -> Format:
     """Return what the reader `name`, one of `FORMATS`, declares of itself."""
-    declared: Format = importlib.import_module(f"automos.readers.{name}").FORMAT
-    return declared
+    from automos.readers.stamped_drives import FORMATS as DRIVES
+
+    return DRIVES[name] if name in DRIVES else importlib.import_module(f"automos.readers.{name}").FORMAT
 
 
 def open_sequence(path: str | Path, format: str | None = None) -> Sequence:
@@ -141,6 +142,7 @@ class _Found(NamedTuple):
 
 def _find(path: Path, format: str | None) -> list[_Found]:
     """Return the recordings at `path`, at least one."""
+    format = "packets" if format == "velodyne" else format  # what it was called as it read no others
     with damage_reported(path):
         names, codec = _resolve(format)
         for name in names:

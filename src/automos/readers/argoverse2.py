@@ -18,7 +18,7 @@ from automos.core.geometry import inverse, transform
 from automos.core.labels import Label, pack
 from automos.core.reading import damage_reported, is_there, require_regular
 from automos.core.scan import Pose, Scan
-from automos.core.upright_boxes import points_in_boxes
+from automos.core.upright_boxes import TrueBoxes, points_in_boxes
 from automos.readers.apart import read_apart
 from automos.readers.box_truth import DrawnBoxes, checked_boxes, judge_boxes, motion_with_boxes, paint_boxes
 from automos.readers.columns import to_scan
@@ -36,7 +36,6 @@ _FLOW = "flow_labels.feather"
 _SENSORS = ("up_lidar", "down_lidar")
 _LASERS = 32
 """Of each of the two."""
-
 _WORDS = {"sensor_name", "track_uuid", "category"}
 """Columns that hold no numbers."""
 
@@ -72,8 +71,7 @@ class Argoverse2Sequence(ListedSequence):
         super().__init__(source, files, stamps=stamps)
 
     def __getitem__(self, index: int) -> Scan:
-        index = self._scan_number(index)
-        path = self._files[index]
+        path = self._files[index := self._scan_number(index)]
         scan = to_scan(_read(path), path, self._names[index], 1e-9 * self._nanoseconds[index], 1e-9)
         moved = replace(scan, points=transform(inverse(self._T_ego_sensor), scan.points))
         return moved if self._T_ego_sensors is None or scan.ring is None else self._say_from_where(moved, scan.ring)
@@ -107,14 +105,17 @@ class Argoverse2Sequence(ListedSequence):
         if not is_there(self.source / _BOXES) or index + 1 == len(self):
             return None
         now, later = self._drawn.of(self._nanoseconds[index]), self._drawn.of(self._nanoseconds[index + 1])
-        T_now_later = inverse(self._T_city_ego[index]) @ self._T_city_ego[index + 1]
-        T_ego_sensor = self._T_ego_sensor
-        points = transform(T_ego_sensor, self[index].points)
+        points = transform(self._T_ego_sensor, self[index].points)
         owner = points_in_boxes(points, now.boxes)
         instance = np.where(owner >= 0, now.track[owner], 0) if len(now) else np.zeros(len(points), np.int64)
-        boxes = later.boxes.transformed(T_now_later)
+        boxes = later.boxes.transformed(inverse(self._T_city_ego[index]) @ self._T_city_ego[index + 1])
         motion = motion_with_boxes(points, instance, (now.track, now.boxes), (later.track, boxes))
-        return motion @ T_ego_sensor[:3, :3].astype(np.float32)
+        return motion @ self._T_ego_sensor[:3, :3].astype(np.float32)
+
+    def truth_boxes(self, index: int) -> TrueBoxes | None:
+        """Return the annotated boxes of sweep `index`; None of a log without."""
+        is_drawn = is_there(self.source / _BOXES)
+        return self._drawn.of(self._nanoseconds[index]).true(self._T_ego_sensor) if is_drawn else None
 
     @property
     def T_vehicle_sensor(self) -> Pose:
@@ -154,8 +155,7 @@ class Argoverse2Sequence(ListedSequence):
             for half in range(2):
                 lasers = [sine[table["laser_number"] == half * _LASERS + laser] for laser in range(_LASERS)]
                 spread[k, half] = np.median([np.abs(s - np.median(s)).mean() for s in lasers if len(s) > 20] or [0.0])
-        is_swapped = np.trace(spread) > np.trace(spread[::-1])
-        return T[::-1] if is_swapped else T
+        return T[::-1] if np.trace(spread) > np.trace(spread[::-1]) else T
 
     def _say_from_where(self, scan: Scan, laser: npt.NDArray[np.uint16]) -> Scan:
         assert self._T_ego_sensors is not None

@@ -13,17 +13,16 @@ from typing import Any
 
 import numpy as np
 
-from automos.readers import foxglove_cloud, livox_message, velodyne_message
+from automos.readers import foxglove_cloud, livox_message
 from automos.readers.bag_file import LARGEST, Topic
 from automos.readers.columns import Columns
 from automos.readers.formats import import_extra
+from automos.readers.packets.messages import TYPES as PACKETS
 from automos.readers.point_cloud2 import cloud_digest, header_frame, header_stamp, read_columns
-from automos.readers.velodyne_decoder import SweepDecoder
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
-PACKETS = velodyne_message.TYPE
 _OLD_CLOUD = "sensor_msgs/msg/PointCloud"
-_OF_ROS = {CLOUD, _OLD_CLOUD, PACKETS, *livox_message.TYPES, foxglove_cloud.ROS}
+_OF_ROS = {CLOUD, _OLD_CLOUD, *PACKETS, *livox_message.TYPES, foxglove_cloud.ROS}
 _HEAD = 4096
 """Bytes of a message that hold its header and the name of its frame."""
 _RAW = r"(hesai|pandar|rslidar|robosense|ouster|seyond|lslidar)\w*/.*(packet|scan|frame)|.*/Compressed\w*Cloud"
@@ -62,8 +61,8 @@ def digest(raw: bytes, topic: Topic) -> int:
     return zlib.crc32(raw[len(raw) // 2 :])
 
 
-def read_message(raw: bytes, topic: Topic, where: str, decoder: SweepDecoder | None = None) -> Columns:
-    """Return the columns of a message, each (N,), in its order; `where` names it in errors, `decoder` reads packets.
+def read_message(raw: bytes, topic: Topic, where: str) -> Columns:
+    """Return the columns of a message of points, each (N,), in its order; `where` names it in errors.
 
     Raises
     ------
@@ -71,8 +70,6 @@ def read_message(raw: bytes, topic: Topic, where: str, decoder: SweepDecoder | N
         The message does not hold what its header promises.
     """
     is_ros2 = topic.encoding == "cdr"
-    if topic.kind == PACKETS and decoder is not None:
-        return decoder.columns(velodyne_message.read_packets(raw, is_ros2, where))
     if topic.kind in livox_message.TYPES:
         return livox_message.read_columns(raw, is_ros2, where)
     if topic.kind in (foxglove_cloud.OWN, foxglove_cloud.ROS):

@@ -54,7 +54,7 @@ def _rank(bag: Bag, topic: Topic) -> int:
     frame = frame_of(bag, topic)
     if is_named_world(frame) or frame in odometry_frames(bag):
         return 2
-    return 1 if topic.kind == PACKETS else 0
+    return 1 if topic.kind in PACKETS else 0
 
 
 def frame_of(bag: Bag, topic: Topic) -> str:
@@ -83,8 +83,8 @@ def _no_clouds(bag: Bag) -> str:
         )
     others = _named(bag.topics[:10]) or "none"
     return (
-        f"{bag.path} has no topic of type {CLOUD}, of Livox's CustomMsg, of Velodyne's packets or foxglove.PointCloud; "
-        f"its topics are: {others}"
+        f"{bag.path} has no topic of type {CLOUD}, of Livox's CustomMsg, of packets that are known, or "
+        f"foxglove.PointCloud; its topics are: {others}"
     )
 
 

@@ -16,7 +16,7 @@ from automos.core.errors import InputError
 from automos.core.geometry import FARTHEST, transform
 from automos.core.labels import Label, pack
 from automos.core.scan import MAX_RANGE, Pose, Scan
-from automos.core.upright_boxes import Boxes, points_in_boxes
+from automos.core.upright_boxes import Boxes, TrueBoxes, points_in_boxes
 
 PACE = 1.0
 """Seconds over which a box must get on to have moved; a shorter track is judged over its whole length."""
@@ -54,6 +54,10 @@ class DrawnBoxes:
         """Return the boxes drawn in one scan."""
         rows = np.flatnonzero(self.scan == scan)
         return DrawnBoxes(self.scan[rows], self.track[rows], self.boxes[rows], self.label[rows])
+
+    def true(self, T_boxes_sensor: Pose) -> TrueBoxes:
+        """Return those of one scan, seen from the sensor at `T_boxes_sensor` (4, 4), as truth."""
+        return TrueBoxes(self.track, self.boxes, T_boxes_sensor)
 
 
 def checked_boxes(center: npt.NDArray, size: npt.NDArray, yaw: npt.NDArray, path: Path) -> Boxes:

@@ -17,7 +17,9 @@ CODECS: dict[str, str] = {
     "ply": "Polygon file, ascii or binary",
     "npy": "NumPy (.npy, .npz), (N, 3 or more) or structured",
     "las": "LAS or LAZ (extra las)",
+    "e57": "E57, a scan a file (extra e57)",
     "xyz": "text (.xyz, .txt, .csv), x y z intensity or columns named in the first line",
+    "zipped": "an archive (.zip) of one cloud of these kinds",
 }
 """Kinds of point files, name and description."""
 
@@ -32,6 +34,8 @@ CODEC_OF_SUFFIX = {
     ".xyz": "xyz",
     ".txt": "xyz",
     ".csv": "xyz",
+    ".e57": "e57",
+    ".zip": "zipped",
 }
 
 

@@ -17,7 +17,8 @@ from automos.core.errors import InputError
 from automos.readers.codecs import CODEC_OF_SUFFIX, suffix_codec
 
 _SIDE_FILES = {"times.txt", "timestamps.txt", "poses.txt", "calib.txt", "readme.txt", "requirements.txt"}
-_TEXT = {".txt", ".csv"}
+_TEXT = {".txt", ".csv", ".zip"}
+"""What may be anything: notes, tables, archives of pictures."""
 
 _LONGEST_HEADER = 1 << 14
 """Bytes of a file that may be all header: longer ones hold points."""
@@ -70,7 +71,7 @@ def list_scans(folder: Path, codec: str | None = None) -> tuple[list[str], str, 
     if codec is not None and suffix_codec(codec) is not None:
         names = [name for name in names if CODEC_OF_SUFFIX[_suffix(name)] == suffix_codec(codec)]
     elif any(_suffix(name) not in _TEXT for name in names):
-        # .txt and .csv beside real point files are notes and tables.
+        # beside real point files these are notes and tables
         names = [name for name in names if _suffix(name) not in _TEXT]
     if not names:
         kind = "" if codec is None else f" for format {codec!r}"

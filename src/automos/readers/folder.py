@@ -17,8 +17,9 @@ from automos.core.label_files import read_labels
 from automos.core.pose_files import read_calib, read_poses
 from automos.core.reading import damage_reported, is_there
 from automos.core.scan import Mask, Pose, Scan, Sequence
+from automos.core.upright_boxes import TrueBoxes
 from automos.readers import files
-from automos.readers.boxes_beside import motion_beside
+from automos.readers.boxes_beside import boxes_beside, motion_beside
 from automos.readers.codecs import read_columns
 from automos.readers.columns import Columns, coordinates, has_time_column, sensor_column, time_column, to_scan
 from automos.readers.formats import Format
@@ -66,10 +67,8 @@ class FolderSequence(Sequence):
         self._clock = "the files' names" if times is stamps else "times.txt"
         self._gap = usual_step(times)
         if stamps is None and self._point_times.is_absolute:
-            times, self._clock = (
-                sweep_starts(self._read, self.paths, self._point_times, times),
-                "the points' own times",
-            )
+            times = sweep_starts(self._read, self.paths, self._point_times, times)
+            self._clock = "the points' own times"
         self._stamps: npt.NDArray[np.float64] | None = None
         self._T_file_sensor: Pose | None = None
         if times is None:
@@ -93,8 +92,7 @@ class FolderSequence(Sequence):
         return len(self._files)
 
     def __getitem__(self, index: int) -> Scan:
-        index = self._scan_number(index)
-        path = self._folder / self._files[index]
+        path = self._folder / self._files[index := self._scan_number(index)]
         columns = self._read(path)
         has_time = time_column(columns) is not None
         stamp = None if self._stamps is None else float(self._stamps[index])
@@ -175,8 +173,11 @@ class FolderSequence(Sequence):
 
     def truth_motion(self, index: int) -> npt.NDArray[np.float32] | None:
         """Return (N, 3) metres until the next scan, as the boxes beside the scans say; None without."""
-        index = self._scan_number(index)
-        return motion_beside(self.source, self, index)
+        return motion_beside(self.source, self, self._scan_number(index))
+
+    def truth_boxes(self, index: int) -> TrueBoxes | None:
+        """Return the boxes beside scan `index`; None without."""
+        return boxes_beside(self.source, self._names[self._scan_number(index)])
 
     def fingerprint(self) -> str:
         """Return a text that changes when a scan's name, size or time of change does, or the stamps."""

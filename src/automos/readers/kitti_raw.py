@@ -1,6 +1,7 @@
 """KITTI raw drives, "road" ones too: DATE/DATE_drive_NNNN_sync with velodyne_points/, oxts/ and tracklet_labels.xml.
 
-Sweeps are as measured, not motion-compensated. The day's calibration lies beside its drives.
+KITTI-360 and VBR's converter lay scans out alike, with poses of their own. Sweeps are as measured, not
+motion-compensated. The day's calibration lies beside its drives.
 """
 
 from __future__ import annotations
@@ -16,18 +17,20 @@ import numpy.typing as npt
 from automos.core.errors import InputError
 from automos.core.geometry import inverse
 from automos.core.labels import Label
-from automos.core.pose_files import lines_of_scans
+from automos.core.pose_files import interpolate_poses, lines_of_scans, read_poses
 from automos.core.reading import DAMAGE, is_there, read_bytes, read_text
 from automos.core.scan import Pose
+from automos.core.upright_boxes import TrueBoxes
 from automos.readers.box_truth import DrawnBoxes, centers_in_world, checked_boxes, judge_boxes, paint_boxes
 from automos.readers.folder import FolderSequence
 from automos.readers.formats import Format
 from automos.readers.kitti_calibration import in_view, poses_from_packets, read_calibration, rigid, take
 from automos.readers.listed import require_increasing
 from automos.readers.records import read_table
-from automos.readers.stamped_poses import sensor_poses
+from automos.readers.stamped_poses import rigid_transforms, sensor_poses, truth_beside
 
-_SCANS = Path("velodyne_points") / "data"
+_SCANS = ("velodyne_points/data", "ouster_points/data")
+"""Of KITTI and KITTI-360, and of VBR's converter."""
 _BOXES = "tracklet_labels.xml"
 _PACKET = 30
 """Numbers in a GPS/IMU packet."""
@@ -35,11 +38,16 @@ _PACKET = 30
 
 def find(path: Path) -> list[Path]:
     """Return the drives at `path`: itself, those of its day, or those of all days in it, by name."""
-    if (path / _SCANS).is_dir():
+    if _scans_of(path) is not None:
         return [path]
     if not path.is_dir():
         return []
-    return sorted({scans.parent.parent for pattern in (f"*/{_SCANS}", f"*/*/{_SCANS}") for scans in path.glob(pattern)})
+    below = (scans for place in _SCANS for start in ("*", "*/*") for scans in path.glob(f"{start}/{place}"))
+    return sorted({scans.parent.parent for scans in below})
+
+
+def _scans_of(path: Path) -> str | None:
+    return next((place for place in _SCANS if (path / place).is_dir()), None)
 
 
 class KittiRawSequence(FolderSequence):
@@ -47,10 +55,10 @@ class KittiRawSequence(FolderSequence):
 
     def __init__(self, source: Path):
         """List the scans of the drive in folder `source`; errors are those of a plain folder."""
-        super().__init__(source, scan_folder=str(_SCANS))
+        super().__init__(source, scan_folder=_scans_of(source) or _SCANS[0])
         stray = next((name for name in self._names if not (name.isascii() and name.isdecimal())), None)
         if stray is not None:
-            raise InputError(f"{source / _SCANS} has a scan named {stray!r}; a drive's scans are named by their number")
+            raise InputError(f"{self._folder} has a scan named {stray!r}; a drive's scans are named by their number")
 
     @property
     def is_compensated(self) -> bool:
@@ -58,7 +66,7 @@ class KittiRawSequence(FolderSequence):
         return False
 
     def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64] | None:
-        path = self.source / "velodyne_points" / "timestamps.txt"
+        path = self._folder.parent / "timestamps.txt"
         if not is_there(path):
             return None
         try:
@@ -74,9 +82,9 @@ class KittiRawSequence(FolderSequence):
 
     @cached_property
     def reference_poses(self) -> Pose | None:
-        """(len, 4, 4) T_world_sensor from GPS and IMU; None without its packets."""
+        """(len, 4, 4) T_world_sensor from GPS and IMU, or the poses published with KITTI-360 or VBR; None without."""
         if not (self.source / "oxts" / "data").is_dir():
-            return None
+            return self._published_poses()
         path = self.source.resolve().parent / "calib_imu_to_velo.txt"
         return sensor_poses(self._T_map_imu, inverse(_read_transform(path)))
 
@@ -92,6 +100,28 @@ class KittiRawSequence(FolderSequence):
         packed = paint_boxes(scan, np.eye(4), self._drawn.of(index))
         return np.where(in_view(scan.points, *self._camera), packed, np.uint32(Label.UNLABELED))
 
+    def truth_boxes(self, index: int) -> TrueBoxes | None:
+        """Return the tracklets of scan `index`; None of a drive without."""
+        is_drawn = is_there(self.source / _BOXES)
+        return self._drawn.of(self._scan_number(index)).true(np.eye(4)) if is_drawn else None
+
+    def _published_poses(self) -> Pose | None:
+        told = truth_beside(self.source, self.source.resolve().name)
+        if told is not None:
+            return read_poses(told, len(self), self.stamps)
+        root, drive = self.source.resolve().parent.parent, self.source.resolve().name
+        path = root / "data_poses" / drive / "poses.txt"
+        if not is_there(path):
+            return None
+        table, calibration = read_table(path, 13, "poses"), root / "calibration"
+        T = rigid_transforms(np.insert(table[:, 1:], 12, [[0.0], [0.0], [0.0], [1.0]], axis=1).reshape(-1, 4, 4), path)
+        T_velo_camera = rigid(read_table(calibration / "calib_cam_to_velo.txt", 12, "a pose")[0], calibration)
+        to_pose = calibration / "calib_cam_to_pose.txt"
+        T_pose_camera = rigid(take(read_calibration(to_pose), to_pose, "image_00", size=12), to_pose)
+        frames = np.array([int(name) for name in self._names], np.float64)
+        # none was published of frames in which the car stood
+        return sensor_poses(interpolate_poses(table[:, 0], T, frames), T_pose_camera @ inverse(T_velo_camera))
+
     # ------------------------------------------------------------------------------------------------- files beside
     @cached_property
     def _T_map_imu(self) -> Pose:
@@ -104,13 +134,24 @@ class KittiRawSequence(FolderSequence):
 
     @cached_property
     def _camera(self) -> tuple[Pose, npt.NDArray[np.float64], tuple[float, float]]:
+        return self.camera(2)
+
+    def camera(self, number: int) -> tuple[Pose, npt.NDArray[np.float64], tuple[float, float]]:
+        """Return T_rectified_sensor (4, 4), the (3, 4) projection from there to pixels, and the picture's size.
+
+        number : 2 of the left colour camera, 3 of the right one.
+        """
         day = self.source.resolve().parent
         path = day / "calib_cam_to_cam.txt"
         rows = read_calibration(path)
         T_rectified_camera = rigid(take(rows, path, "R_rect_00", size=9), path)
         T = T_rectified_camera @ _read_transform(day / "calib_velo_to_cam.txt")
-        width, height = take(rows, path, "S_rect_02", size=2)
-        return T, take(rows, path, "P_rect_02", size=12).reshape(3, 4), (float(width), float(height))
+        width, height = take(rows, path, f"S_rect_{number:02d}", size=2)
+        return T, take(rows, path, f"P_rect_{number:02d}", size=12).reshape(3, 4), (float(width), float(height))
+
+    def picture(self, number: int, index: int) -> Path:
+        """Return where the picture of camera `number` that belongs to scan `index` lies."""
+        return self.source / f"image_{number:02d}" / "data" / f"{self._names[index]}.png"
 
     @cached_property
     def _drawn(self) -> DrawnBoxes:
@@ -142,7 +183,7 @@ class KittiRawSequence(FolderSequence):
 def _seconds(text: str) -> float:
     """Return the seconds since 1970 of a time with nanoseconds."""
     whole, _, fraction = text.partition(".")
-    moment = datetime.strptime(whole, "%Y-%m-%d %H:%M:%S").replace(tzinfo=UTC)
+    moment = datetime.fromisoformat(whole).replace(tzinfo=UTC)
     return moment.timestamp() + float(f"0.{fraction or 0}")
 
 
@@ -169,7 +210,7 @@ def _rows_of(item: ElementTree.Element, track: int) -> list[list[float]]:
 
 
 FORMAT = Format(
-    layout="KITTI raw drive: velodyne_points/data/, timestamps.txt, oxts/, calib_*.txt of its day",
+    layout="KITTI raw drive: velodyne_points/data/, timestamps.txt, oxts/, calib_*.txt; KITTI-360, VBR alike",
     truth="tracklet_labels.xml, where the left colour camera sees",
     find=find,
     open=KittiRawSequence,

@@ -13,7 +13,7 @@ from automos.core.geometry import inverse, transform
 from automos.core.labels import Label
 from automos.core.reading import is_there, read_text
 from automos.core.scan import Pose
-from automos.core.upright_boxes import Boxes
+from automos.core.upright_boxes import Boxes, TrueBoxes
 from automos.readers.box_truth import DrawnBoxes, centers_in_world, checked_boxes, judge_boxes, paint_boxes
 from automos.readers.folder import FolderSequence
 from automos.readers.formats import Format
@@ -87,6 +87,11 @@ class KittiTrackingSequence(FolderSequence):
         packed = paint_boxes(scan, np.eye(4), self._drawn.of(index))
         seen = in_view(scan.points, self._T_rectified_sensor, self._projection, IMAGE_SIZE)
         return np.where(seen, packed, np.uint32(Label.UNLABELED))
+
+    def truth_boxes(self, index: int) -> TrueBoxes | None:
+        """Return the boxes of scan `index`; None for the test split."""
+        is_drawn = is_there(self._beside("label_02"))
+        return self._drawn.of(self._scan_number(index)).true(np.eye(4)) if is_drawn else None
 
     # ------------------------------------------------------------------------------------------------- files beside
     def _beside(self, folder: str) -> Path:

@@ -1,6 +1,7 @@
-"""nuScenes: tables in v1.0-*/*.json, sweeps of the LIDAR_TOP in samples/ and sweeps/; a scene is a recording.
+"""nuScenes, Lyft, TruckScenes: tables in v1.0-*/*.json, sweeps in samples/ and sweeps/; a scene is a recording.
 
-Scenes are named as if they lay in the tables' folder: `v1.0-mini/scene-0061`. Boxes are drawn twice a second, so two
+Scenes are named as if they lay in the tables' folder: `v1.0-mini/scene-0061`, and of several LiDARs each is a recording
+of its own: `scene-0061/LIDAR_LEFT`. Boxes are drawn twice a second, so two
 scans a second have truth. The tables are read directly; of the large ones only what belongs to the scene is kept.
 """
 
@@ -18,6 +19,7 @@ from automos.core.errors import InputError
 from automos.core.labels import Label
 from automos.core.reading import damage_reported, is_there, read_json
 from automos.core.scan import Pose, Scan
+from automos.core.upright_boxes import TrueBoxes
 from automos.readers.box_truth import DrawnBoxes, checked_boxes, judge_boxes, paint_boxes
 from automos.readers.codecs import read_columns
 from automos.readers.columns import to_scan
@@ -25,7 +27,6 @@ from automos.readers.formats import Format
 from automos.readers.listed import ListedSequence
 from automos.readers.stamped_poses import from_quaternions, sensor_poses
 
-_CHANNEL = "LIDAR_TOP"
 _MOVING = ("vehicle.moving", "cycle.with_rider", "pedestrian.moving")
 
 Row = dict[str, Any]
@@ -39,10 +40,16 @@ def find(path: Path) -> list[Path]:
         names = sorted(scene["name"] for scene in _read(path, "scene"))
         if len(set(names)) < len(names) or any(name != Path(name).name for name in names):
             raise InputError(f"{path / 'scene.json'} names a scene twice, or by a path; unpack the metadata again")
-        return [path / name for name in names]
+        channels = _channels(path)
+        return [path / name / channel if len(channels) > 1 else path / name for name in names for channel in channels]
     if not path.is_dir():
-        return []
+        return [path] if _is_tables(path.parent.parent) and path.name in _channels(path.parent.parent) else []
     return [scene for tables in sorted(path.glob("v1.0-*")) if _is_tables(tables) for scene in find(tables)]
+
+
+def _channels(tables: Path) -> list[str]:
+    """Return what the LiDARs are called: nuScenes has one, TruckScenes six."""
+    return sorted(row["channel"] for row in _read(tables, "sensor") if row["channel"].startswith("LIDAR"))
 
 
 def _is_tables(path: Path) -> bool:
@@ -60,14 +67,16 @@ class NuscenesSequence(ListedSequence):
         InputError
             No such scene, a damaged table, or a table that names a file or row that is absent.
         """
-        tables, root = path.parent, path.parent.parent
-        scene = next((row for row in _read(tables, "scene") if row["name"] == path.name), None)
+        place = path if _is_tables(path.parent) else path.parent
+        tables, root = place.parent, place.parent.parent
+        channel = _channels(tables)[0] if place == path else path.name
+        scene = next((row for row in _read(tables, "scene") if row["name"] == place.name), None)
         if scene is None:
             raise InputError(
-                f"{tables / 'scene.json'} has no scene {path.name!r}; its scenes are listed by giving {tables}"
+                f"{tables / 'scene.json'} has no scene {place.name!r}; its scenes are listed by giving {tables}"
             )
         samples = {row["token"]: row for row in _read(tables, "sample") if row["scene_token"] == scene["token"]}
-        sweeps = _sweeps_of(tables, samples)
+        sweeps = _sweeps_of(tables, samples, channel)
         files = [root / row["filename"] for row in sweeps]
         absent = next((file for file in files if not file.exists()), None)
         if absent is not None:
@@ -75,7 +84,9 @@ class NuscenesSequence(ListedSequence):
                 f"{tables / 'sample_data.json'} names {absent}, which is absent; unpack the archive of its sweeps too"
             )
         names = [file.name.split(".")[0] for file in files]
-        super().__init__(path, files, names, [1e-6 * row["timestamp"] for row in sweeps], path.name)
+        super().__init__(path, files, names, [1e-6 * row["timestamp"] for row in sweeps], place.name)
+        if place != path:
+            self.name += f"_{channel}"
         self._T_global_sensor = _poses_of(tables, sweeps)
         self._keyframe_of = [row["sample_token"] if row["is_key_frame"] else None for row in sweeps]
         self._drawn = _boxes_of(tables, samples)
@@ -83,7 +94,7 @@ class NuscenesSequence(ListedSequence):
     def __getitem__(self, index: int) -> Scan:
         index = self._scan_number(index)
         assert self.stamps is not None
-        columns = read_columns(self._files[index], "bin5")
+        columns = read_columns(self._files[index], "pcd" if self._files[index].suffix == ".pcd" else "bin5")
         return to_scan(columns, self._files[index], self._names[index], float(self.stamps[index]))
 
     @property
@@ -101,6 +112,13 @@ class NuscenesSequence(ListedSequence):
         if keyframe is None or self._drawn is None:
             return None
         return paint_boxes(self[index], self._T_global_sensor[index], self._drawn.of(keyframe))
+
+    def truth_boxes(self, index: int) -> TrueBoxes | None:
+        """Return the boxes drawn in scan `index`; None between keyframes."""
+        keyframe = self._keyframe_of[index]
+        if keyframe is None or self._drawn is None:
+            return None
+        return self._drawn.of(keyframe).true(self._T_global_sensor[index])
 
 
 # ------------------------------------------------------------------------------------------------------- tables
@@ -128,9 +146,9 @@ def _pick(tables: Path, name: str, tokens: Iterable[str]) -> dict[str, Row]:
     return found
 
 
-def _sweeps_of(tables: Path, samples: dict[str, Row]) -> list[Row]:
-    """Return the rows of the LiDAR's sweeps in a scene, in order of time."""
-    sensors = {row["token"] for row in _read(tables, "sensor") if row["channel"] == _CHANNEL}
+def _sweeps_of(tables: Path, samples: dict[str, Row], channel: str) -> list[Row]:
+    """Return the rows of one LiDAR's sweeps in a scene, in order of time."""
+    sensors = {row["token"] for row in _read(tables, "sensor") if row["channel"] == channel}
     mounts = {row["token"] for row in _read(tables, "calibrated_sensor") if row["sensor_token"] in sensors}
     rows = [
         row
@@ -138,7 +156,7 @@ def _sweeps_of(tables: Path, samples: dict[str, Row]) -> list[Row]:
         if row["sample_token"] in samples and row["calibrated_sensor_token"] in mounts
     ]
     if not rows:
-        raise InputError(f"{tables / 'sample_data.json'} has no sweeps of the {_CHANNEL} for this scene")
+        raise InputError(f"{tables / 'sample_data.json'} has no sweeps of the {channel} for this scene")
     links = {row["token"] for row in rows} | {"", None}
     lost = next((row[way] for row in rows for way in ("prev", "next") if row.get(way) not in links), None)
     if lost is not None:
@@ -203,7 +221,7 @@ def _judge(
 
 
 FORMAT = Format(
-    layout="nuScenes: v1.0-*/*.json, samples/, sweeps/; give a scene: v1.0-mini/scene-0061",
+    layout="nuScenes, TruckScenes: v1.0-*/*.json, samples/, sweeps/; give a scene: v1.0-mini/scene-0061",
     truth="boxes of the keyframes and their attributes",
     find=find,
     open=NuscenesSequence,

@@ -8,8 +8,6 @@ from pathlib import Path
 
 _PACKED = {
     b"\x1f\x8b": ("gzip", "gunzip -k {}"),
-    b"PK\x03\x04": ("zip", "unzip {}"),
-    b"PK\x05\x06": ("zip", "unzip {}"),
     b"\x28\xb5\x2f\xfd": ("zstd", "zstd -d {}"),
     b"\x04\x22\x4d\x18": ("lz4", "lz4 -d {}"),
     b"BZh": ("bzip2", "bunzip2 -k {}"),
@@ -19,16 +17,13 @@ _PACKED = {
 }
 _OTHERS = {
     b"livox_tech": ("a recording of Livox's viewer", "convert it to a ROS bag with Livox's lvx2rosbag and give that"),
-    b"ASTM-E57": (
-        "an E57 file, as terrestrial scanners write it",
-        "export its scans, one file each and in the scanner's frame, as PCD, PLY or LAS into a folder and give that",
-    ),
 }
 _NAMED = {
-    ".lvx": _OTHERS[b"livox_tech"],
-    ".lvx2": _OTHERS[b"livox_tech"],
+    ".e57": (
+        "a single E57 file",
+        "export its scans, one file each and in the scanner's frame, into a folder and give that",
+    ),
     ".lvx3": _OTHERS[b"livox_tech"],
-    ".e57": _OTHERS[b"ASTM-E57"],
     ".tar": ("an archive (tar)", "unpack it (tar -xf {}) and give what comes out"),
     ".rrf": ("a recording of Cepton's viewer", "export its frames as PCD into a folder and give that"),
     ".tfrecord": ("a file of Waymo's version 1", "download version 2 (Parquet), which holds the same drives"),

@@ -17,16 +17,17 @@ import numpy.typing as npt
 
 from automos.core.errors import AutomosError, InputError, MissingExtraError
 from automos.core.reading import require_regular
-from automos.core.scan import Scan, Sequence
+from automos.core.scan import Scan
 from automos.readers.foreign import limited
 from automos.readers.formats import Format, import_extra, recordings_at
-from automos.readers.listed import digest_of_files, require_increasing
-from automos.readers.pcap import CAPTURES, require_whole
-from automos.readers.sensor_choice import choose_sensor, split_sensor
+from automos.readers.listed import require_increasing
+from automos.readers.packets.pcap import CAPTURES, require_whole
+from automos.readers.sensor_choice import SensorSequence, choose_sensor
 
 _RETURNS = (("RANGE", "REFLECTIVITY"), ("RANGE2", "REFLECTIVITY2"))
 _TURN, _FARTHEST_MOUNT = 360.0, 1e4
 """Degrees of any beam, and millimetres of any offset in a sensor, at most."""
+_KNOWN = "a known Velodyne, Hesai, RoboSense or Livox"
 _IS_VALID = 1
 """Bit of a column's status; columns whose packet was lost have none."""
 
@@ -40,10 +41,8 @@ def _is_pcap(path: Path) -> bool:
     return path.suffix in (*CAPTURES, ".osf") and path.is_file()
 
 
-class OusterSequence(Sequence):
+class OusterSequence(SensorSequence):
     """The frames of one sensor, found once, read when asked for."""
-
-    source: Path
 
     def __init__(self, path: Path):
         """Find the frames in the file at `path`, or those of the sensor whose serial number `path` names below it.
@@ -53,8 +52,7 @@ class OusterSequence(Sequence):
         InputError
             No metadata, a damaged file, several sensors, or no frames.
         """
-        self.source, wanted = split_sensor(path)
-        self._address = path
+        super().__init__(path)
         self._threads = threading.local()
         stem = self.source.stem
         self._is_osf = self.source.suffix == ".osf"  # holds frames, and their metadata
@@ -63,27 +61,18 @@ class OusterSequence(Sequence):
         if not self._metadata and not self._is_osf:
             raise InputError(
                 f"{self.source} has no metadata {stem}.json beside it, which Ouster's packets need, and no packets of "
-                "a Velodyne; put it there, or convert other makers' packets (Hesai, RoboSense, Livox) to a ROS bag or "
-                "PCD: their drivers and viewers do"
+                f"{_KNOWN}; put it there, or convert other makers' packets to a ROS bag or PCD: their drivers and "
+                "viewers do"
             )
         serials = [str(info.sn) for info in self._reader.sensor_info]
-        self._serial = choose_sensor(self.source, wanted, serials, "sensor")
-        self.name = stem if wanted is None else f"{stem}_{wanted}"
+        self._identity = choose_sensor(self.source, self._wanted, serials, "sensor")
         if not self._is_osf:
             require_whole(self.source)  # the library passes over the end of one that is cut short
         self._places, stamps = self._index()
         if not self._places:
-            raise InputError(f"{self.source} holds no frames of sensor {self._serial}; its metadata may be another's")
+            raise InputError(f"{self.source} holds no frames of sensor {self._identity}; its metadata may be another's")
         self._stamps = np.array(stamps, np.float64)
         require_increasing(self._stamps, self.names, self.source)
-
-    @property
-    def address(self) -> Path:
-        """The file, or the sensor that was asked for below it."""
-        return self._address
-
-    def __len__(self) -> int:
-        return len(self._places)
 
     def __getitem__(self, index: int) -> Scan:
         index = self._scan_number(index)
@@ -92,19 +81,8 @@ class OusterSequence(Sequence):
             frame = [frame for frame in self._reader[place] if frame is not None][within]
         return frame_to_scan(frame, self._to_points, float(self._stamps[index]), self.names[index])
 
-    @property
-    def stamps(self) -> npt.NDArray[np.float64]:
-        """(len,) seconds, of each frame's first column, on the sensor's clock."""
-        return self._stamps
-
-    @property
-    def is_compensated(self) -> bool:
-        """Packets are as measured."""
-        return False
-
-    def fingerprint(self) -> str:
-        """Return a text that changes when the file or its metadata does, or the sensor."""
-        return f"{super().fingerprint()}:{self._serial}:{digest_of_files([self.source, *self._metadata])}"
+    def _files(self) -> list[Path]:
+        return [self.source, *self._metadata]
 
     def __getstate__(self) -> dict[str, Any]:
         return {key: value for key, value in self.__dict__.items() if key not in ("_threads", "_to_points")}
@@ -144,7 +122,7 @@ class OusterSequence(Sequence):
     @cached_property
     def _to_points(self) -> Any:
         """Turns ranges (H, W), millimetres, into points (H, W, 3), metres, sensor frame; 0 stays at the origin."""
-        info = next(info for info in self._reader.sensor_info if str(info.sn) == self._serial)
+        info = next(info for info in self._reader.sensor_info if str(info.sn) == self._identity)
         return make_to_points(info, self.source)
 
     def _index(self) -> tuple[list[tuple[int, int]], list[float]]:
@@ -153,7 +131,7 @@ class OusterSequence(Sequence):
         try:
             for item, frames in enumerate(self._reader):
                 for within, frame in enumerate(frame for frame in frames if frame is not None):
-                    if str(frame.sensor_info.sn) == self._serial:
+                    if str(frame.sensor_info.sn) == self._identity:
                         places.append((item, within))
                         stamps.append(first_stamp(frame))
         except AutomosError:

@@ -7,6 +7,7 @@ points without a return (zero or NaN) included.
 from __future__ import annotations
 
 import zlib
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any, Literal
 
@@ -131,3 +132,42 @@ def _require_apart(spans: list[tuple[int, int, str]], where: str) -> None:
             raise InputError(
                 f"{where} has fields {one[2]!r} and {other[2]!r} in the same bytes; record or export it again"
             )
+
+
+def packed_rows(columns: Columns) -> npt.NDArray:
+    """Return (N,) structured rows of little-endian columns, without gaps."""
+    dtype = np.dtype([(name, column.dtype.newbyteorder("<")) for name, column in columns.items()])
+    rows = np.empty(len(columns["x"]), dtype)
+    for name, column in columns.items():
+        rows[name] = column
+    return rows
+
+
+def cloud_message(types: Mapping[str, Any], columns: Columns, header: Any) -> Any:
+    """Return a message of `columns`, all (N,), in the classes `types` of rosbags; `time` is `t`, in nanoseconds."""
+    rows = packed_rows({"t" if name == "time" else name: _counted(name, c) for name, c in columns.items()})
+    make_field = types["sensor_msgs/msg/PointField"]
+    number_of = {kind: number for number, kind in _TYPES.items()}
+    fields = [
+        make_field(name, about[1], number_of[about[0].str[1:]], 1)
+        for name, about in rows.dtype.fields.items()  # type: ignore[union-attr]
+    ]
+    return types["sensor_msgs/msg/PointCloud2"](
+        header=header,
+        height=1,
+        width=len(rows),
+        fields=fields,
+        is_bigendian=False,
+        point_step=rows.dtype.itemsize,
+        row_step=rows.nbytes,
+        data=rows.view(np.uint8).reshape(-1),
+        is_dense=bool(all(np.isfinite(columns[axis]).all() for axis in "xyz")),
+    )
+
+
+def _counted(name: str, column: npt.NDArray) -> npt.NDArray:
+    """Return times as (N,) uint32 nanoseconds from the first on; negative ones and NaN (0) are possible."""
+    if name != "time":
+        return column
+    start = np.fmin.reduce(column, initial=0.0)
+    return np.round(1e9 * np.nan_to_num(column - np.float64(start), posinf=0.0)).astype(np.uint32)

@@ -73,8 +73,10 @@ def require_in_place(columns: Columns, body: bytes, n_surplus: int, path: Path) 
         )
 
 
-def read_table(path: Path, n_columns: int, what: str, delimiter: str | None = None) -> np.ndarray:
-    """Return the (R, n_columns) float64 numbers of a text file; lines starting with # are skipped.
+def read_table(
+    path: Path, n_columns: int, what: str, delimiter: str | None = None, has_names: bool = False
+) -> np.ndarray:
+    """Return the (R, n_columns) float64 numbers of a text file; lines starting with # are skipped, and one of names.
 
     Raises
     ------
@@ -82,7 +84,7 @@ def read_table(path: Path, n_columns: int, what: str, delimiter: str | None = No
         A file that is absent, empty, or not of that many numbers a line.
     """
     try:
-        text = read_text(path).splitlines()
+        text = read_text(path).splitlines()[int(has_names) :]
         lines = [line.split(delimiter) for line in text if line.strip() and not line.startswith("#")]
         table = np.array(lines, np.float64) if lines else np.zeros((0, n_columns))
     except FileNotFoundError:

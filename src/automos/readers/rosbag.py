@@ -34,8 +34,8 @@ def open_bag(path: Path) -> Sequence:
 
 
 FORMAT = Format(
-    layout="ROS 1 .bag, ROS 2 bag (folder, .db3, .mcap), MCAP; of several LiDARs give one: log.mcap/front/points, or "
-    "several merged: log.mcap/front/points+rear/points",
+    layout="a bag: ROS 1 .bag, ROS 2 bag (folder, .db3, .mcap), MCAP; of several LiDARs give one: "
+    "log.mcap/front/points, or several merged: log.mcap/front/points+rear/points",
     truth="",
     find=find,
     open=open_bag,

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from automos.core.errors import AutomosError, InputError
 from automos.core.geometry import inverse, transform
+from automos.core.pose_files import read_poses
 from automos.core.scan import Mask, Pose, Scan, Sequence
 from automos.readers import bag_messages
 from automos.readers.bag import Bag, name_of, split_address
@@ -25,12 +26,13 @@ from automos.readers.bag_transforms import Joint, joints_of, poses_in
 from automos.readers.columns import Columns, coordinates, time_column, to_scan
 from automos.readers.foreign import limited
 from automos.readers.listed import digest_of_files
+from automos.readers.packets.decode import Decoder, make_decoder
+from automos.readers.packets.messages import as_datagrams, begins_scan, read_packets
 from automos.readers.point_cloud2 import EMPTY, points_counted
 from automos.readers.point_times import judge_times
 from automos.readers.sensor_place import find_frame
+from automos.readers.stamped_poses import truth_beside
 from automos.readers.time_order import count_unset, put_in_order
-from automos.readers.velodyne_decoder import SweepDecoder
-from automos.readers.velodyne_message import read_packets
 
 
 class RosbagSequence(Sequence):
@@ -63,6 +65,7 @@ class RosbagSequence(Sequence):
                 raise InputError(
                     f"{self.source} has no messages on topic {self.topic.name}; record it again or give another topic"
                 )
+            self._group()
             heads = [self._head(row) for row in self.rows]
             self._sizes = np.array([self.bag.size(row) for row in self.rows])
             self.frame_id = heads[0][1]
@@ -107,20 +110,28 @@ class RosbagSequence(Sequence):
         return self._stamps
 
     @property
+    def about(self) -> dict[str, str]:
+        """The kind of its files, and the topic."""
+        return {"files": f"{self.bag.paths[0].suffix or 'files'} with {self.topic.name}"}
+
+    @property
     def is_compensated(self) -> bool | None:
         """Whether it is known that scans are motion-compensated: those that came in a map's frame are."""
         return None if self._T_frame_sensor is None else True
 
     @property
     def reference_poses(self) -> Pose | None:
-        """(len, 4, 4) T_world_sensor by which clouds were taken out of a map's frame; None where they were not."""
-        T = self._T_frame_sensor
+        """(len, 4, 4) T_world_sensor by which clouds were taken out of a map's frame, or VBR's truth; None without."""
+        T, told = self._T_frame_sensor, truth_beside(self.source.parent, self.name)
+        if T is None and told is not None:
+            return read_poses(told, len(self), self.stamps)
         return None if T is None else inverse(T[0]) @ T
 
     @property
     def warnings(self) -> list[str]:
         """What is wrong with the number and the order of the messages and the times of their points."""
-        return [*self._warnings, *self._point_times.warnings]
+        said = self._decoder.warnings if self.topic.kind in bag_messages.PACKETS else ()
+        return [*self._warnings, *self._point_times.warnings, *said]
 
     @cached_property
     def repeats(self) -> Mask:
@@ -159,22 +170,37 @@ class RosbagSequence(Sequence):
 
     def _columns(self, index: int) -> Columns:
         with _reported(self.source):
-            raw, where = self.bag.read(self.rows[index]), f"{self._where()}, scan {index}"
-            decoder = self._decoder if self.topic.kind == bag_messages.PACKETS else None
-            columns = bag_messages.read_message(raw, self.topic, where, decoder)
+            if self.topic.kind in bag_messages.PACKETS:
+                packets = (packet for row in self._parts[self.rows[index].tobytes()] for packet in self._packets(row))
+                columns = self._decoder.columns(as_datagrams(packets, self._decoder.layout.size))
+            else:
+                raw, where = self.bag.read(self.rows[index]), f"{self._where()}, scan {index}"
+                columns = bag_messages.read_message(raw, self.topic, where)
         if self._T_frame_sensor is None:
             return columns
         points = transform(inverse(self._T_frame_sensor[index]), coordinates(columns, self._where(index)))
         return {**columns, **{axis: points[:, k] for k, axis in enumerate("xyz")}}
 
     @cached_property
-    def _decoder(self) -> SweepDecoder:
-        return SweepDecoder(self._packets(), str(self._where()))
+    def _decoder(self) -> Decoder:
+        packets = (packet for row in self._every for _, packet in self._packets(row))
+        return make_decoder(packets, self.source)
 
-    def _packets(self) -> Iterator[bytes]:
-        for row in self.rows:
-            packets = read_packets(self.bag.read(row), self.topic.encoding == "cdr", str(self._where()))
-            yield from (payload.tobytes() for payload in packets.payloads)
+    def _packets(self, row: npt.NDArray[np.int64]) -> list[tuple[float, bytes]]:
+        return read_packets(self.bag.read(row), self.topic.kind, self.topic.encoding == "cdr", str(self._where()))
+
+    def _group(self) -> None:
+        """Keep of messages of packets those that begin a scan; others, of a packet each, belong to the one before."""
+        if self.topic.kind not in bag_messages.PACKETS:
+            return
+        self._every, is_ros2 = self.rows, self.topic.encoding == "cdr"
+        heads = (self.bag.read(row, bag_messages.head_size(self.topic)) for row in self.rows)
+        first = [i for i, raw in enumerate(heads) if begins_scan(raw, self.topic.kind, is_ros2)]
+        if not first:
+            raise InputError(f"{self._where()} does not say which packets begin a scan; record the points instead")
+        ends = [*first[1:], len(self.rows)]
+        self._parts = {self.rows[a].tobytes(): self.rows[a:b] for a, b in zip(first, ends, strict=True)}
+        self.rows = self.rows[first]
 
     # -------------------------------------------------------------------------------------------- time and place
     def _put_in_order(self, stamps: npt.NDArray[np.float64]) -> list[str]:

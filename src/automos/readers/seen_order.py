@@ -77,12 +77,15 @@ def find_renumbering(n: int, points_of: Callable[[int], Points]) -> npt.NDArray[
     for start in _STARTS:
         order = np.argsort(sorted(range(n), key=lambda k: str(k + start)))
         now, then = _steps_of(given), _steps_of(order)
-        rivals = [evenly_spread(sorted(steps), _STEPS) for steps in (now - then, then - now)]
-        if not rivals[0]:
+        if now == then:
             continue
-        for scan in {scan for steps in rivals for step in steps for scan in step} - looks.keys():
-            looks[scan] = appearance(points_of(scan))
-        as_given, reordered = (_mean_difference(looks, steps) for steps in rivals)
+        for n_steps in (2, _STEPS):  # two tell most recordings that are in order
+            rivals = [evenly_spread(sorted(steps), n_steps) for steps in (now - then, then - now)]
+            for scan in {scan for steps in rivals for step in steps for scan in step} - looks.keys():
+                looks[scan] = appearance(points_of(scan))
+            as_given, reordered = (_mean_difference(looks, steps) for steps in rivals)
+            if reordered >= best * as_given:
+                break
         if reordered < best * as_given:
             best, found = reordered / as_given, order
     return found

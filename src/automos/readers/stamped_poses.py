@@ -89,6 +89,13 @@ def poses_at(
     return interpolate_poses(times, T, stamps)
 
 
+def truth_beside(folder: Path, name: str) -> Path | None:
+    """Return the file of poses that VBR publishes with the recording `name` in `folder`: campus_train0_gt.txt."""
+    return next(
+        (path for path in sorted(folder.glob("*_gt.txt")) if name.startswith(path.name[: -len("_gt.txt")])), None
+    )
+
+
 def sensor_poses(T_map_body: Pose, T_body_sensor: npt.ArrayLike | None = None) -> Pose:
     """Return (N, 4, 4) T_world_sensor, the world being the first scan's sensor frame, from a body's poses in a map."""
     T = np.asarray(T_map_body, np.float64)

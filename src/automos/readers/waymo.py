@@ -22,6 +22,7 @@ from automos.core.geometry import inverse, make_transform
 from automos.core.labels import Label
 from automos.core.reading import damage_reported, is_there
 from automos.core.scan import Pose, Scan, Sequence
+from automos.core.upright_boxes import TrueBoxes
 from automos.readers.box_truth import DrawnBoxes, centers_in_world, checked_boxes, judge_boxes, paint_boxes
 from automos.readers.formats import Format
 from automos.readers.listed import digest_of_files, require_increasing
@@ -88,8 +89,7 @@ class WaymoSequence(Sequence):
         return len(self._rows)
 
     def __getitem__(self, index: int) -> Scan:
-        index = self._scan_number(index)
-        images = self._range_images(index)
+        images = self._range_images(index := self._scan_number(index))
         points = [self._to_points(index, image[..., 0]) for image in images]
         n_beams, width = images[0].shape[:2]
         return Scan(
@@ -129,6 +129,10 @@ class WaymoSequence(Sequence):
         is_left_out = np.concatenate([image[..., 3].ravel() for image in self._range_images(index)]) > 0
         labels[is_left_out] = Label.UNLABELED
         return labels
+
+    def truth_boxes(self, index: int) -> TrueBoxes | None:
+        """Return the boxes of scan `index`; None of a segment without."""
+        return None if self._drawn is None else self._drawn.of(self._micros[index]).true(self._T_vehicle_sensor)
 
     def fingerprint(self) -> str:
         """Return a text that changes when the tables do."""

@@ -7,6 +7,8 @@ from pathlib import Path
 
 from automos.core.arguments import given_path
 from automos.core.errors import InputError
+from automos.core.reading import damage_reported, read_json
+from automos.core.scan import Scan, Sequence
 from automos.core.workspace import RUN_FILE, Workspace
 from automos.readers import open_sequence
 from automos.results.run_files import RunFiles
@@ -22,44 +24,27 @@ def open_run(
     progress: Callable[[str, int, int], None] = lambda name, done, total: None,
     deskewed: bool = False,
 ) -> RunFiles:
-    """Open a results folder together with its recording.
+    """Open a results folder together with its recording, for commands: `automos.load` is what users call.
 
-    Parameters
-    ----------
-    folder : str or Path
-        Results folder written by `automos label`.
-    recording : str or Path, optional
-        The recording, if it is not where it was when it was labelled.
-    format : str, optional
-        Format of the recording, if it is not recognised.
-    progress : callable, optional
-        Called as `progress(what, done, total)` while scans are read.
-    deskewed : bool, default False
-        Whether exported points are motion-compensated; InputError if the run does not say how.
-
-    Returns
-    -------
-    RunFiles
-        Labels, boxes and poses, scan by scan.
+    progress : called as `progress(what, done, total)` while scans are read.
+    deskewed : whether exported points are motion-compensated; InputError if the run does not say how.
 
     Raises
     ------
     InputError
         The folder holds no results, the recording is not found, or it has other scans.
-
-    Examples
-    --------
-    >>> import automos
-    >>> run = automos.open_run("automos_runs/my_log")
-    >>> labels = run.labels(0, len(run.scan(0)))
-    >>> labels.shape == (len(run.scan(0)),)
-    True
     """
-    folder = given_path(folder, "a results folder")
+    return RunFiles(
+        Path(folder), recording_of(given_path(folder, "a results folder"), recording, format), progress, deskewed
+    )
+
+
+def recording_of(folder: Path, recording: str | Path | None = None, format: str | None = None) -> Sequence:
+    """Return the recording that the results in `folder` were made from; errors as of `open_run`."""
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder; give the results folder of automos label")
     if recording is not None:
-        return RunFiles(folder, open_sequence(recording, format), progress, deskewed)
+        return open_sequence(recording, format)
     about = Workspace(folder).read_run()
     if not about:
         inner = sorted(path.parent.name for path in folder.glob(f"*/{RUN_FILE}"))
@@ -69,9 +54,29 @@ def open_run(
     if source is None:
         raise InputError(f"{folder} does not say which recording it was made from; give its path after {folder}")
     try:
-        sequence = open_sequence(source, format)
+        return open_sequence(source, format)
     except InputError as error:
         raise InputError(
             f"the recording cannot be opened where it was ({error}); give its path after {folder}"
         ) from error
-    return RunFiles(folder, sequence, progress, deskewed)
+
+
+class Elsewhere(Sequence):
+    """A recording that cannot be read: the names of its scans, and why."""
+
+    def __init__(self, folder: Path, why: str):
+        """Take the results folder."""
+        self.name, self._why = str(Workspace(folder).read_run()["recording"].get("name", folder.name)), why
+        with damage_reported(folder / "tracks.json", "does not name the scans"):
+            self._names = [str(name) for name in read_json(folder / "tracks.json")["scans"]]
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def __getitem__(self, index: int) -> Scan:
+        raise InputError(self._why)
+
+    @property
+    def names(self) -> list[str]:
+        """As the run has them."""
+        return self._names

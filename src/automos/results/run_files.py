@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -18,22 +19,22 @@ import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.core.geometry import inverse, make_transform, transform
-from automos.core.label_files import read_labels
-from automos.core.labels import Label, to_mos
 from automos.core.pose_files import read_poses
 from automos.core.scan import GROUND, Frame, Points, Pose, Scan, Sequence
 from automos.core.upright_boxes import Boxes
-from automos.core.workspace import REVIEWED, Workspace, require_same
-from automos.evaluation.report import find_predictions
+from automos.core.workspace import Workspace, require_same
+from automos.evaluation.predictions import find_predictions
+from automos.objects.kinds import Kind
 from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.trajectory import SequenceFrames, Trajectory, make_frame
+from automos.results.point_files import PointFiles
 from automos.results.scan_boxes import ScanBoxes
 from automos.results.tracks_file import box_table, read_tracks
 
 logger = logging.getLogger(__name__)
 
 
-class RunFiles:
+class RunFiles(PointFiles):
     """The labels, tracks and poses in a results folder, scan by scan, with the recording's points.
 
     Parameters
@@ -65,20 +66,17 @@ class RunFiles:
         progress: Callable[[str, int, int], None] = lambda name, done, total: None,
         deskewed: bool = False,
     ):
-        self.folder = folder
+        super().__init__(folder, sequence.names, find_predictions(folder, sequence.name, is_only=True))
         self.sequence = sequence
         self.deskewed = deskewed
         self.rows_of: Callable[[Scan, int], npt.NDArray[np.bool_]] | None = None
-        self.names = sequence.names
         self._progress = progress
-        self._predictions = find_predictions(folder, sequence.name, is_only=True)
         missing = [name for name in self.names if not (self._predictions / f"{name}.label").exists()]
         if missing:
             raise InputError(
                 f"{self._predictions} has no {missing[0]}.label: {folder} was made from another recording than "
                 f"{sequence.name}, or not to its end; give the recording it was made from, or label again"
             )
-
         if deskewed and self._trajectory is None:
             raise InputError(f"{folder} does not say how the sensor moved during its sweeps; label again to deskew")
 
@@ -98,40 +96,6 @@ class RunFiles:
     def scan(self, index: int) -> Scan:
         """Return scan `index` as the recording has it."""
         return self.sequence[index]
-
-    def packed(self, index: int, n_points: int) -> npt.NDArray[np.uint32]:
-        """Return the (n_points,) uint32 of scan `index` as they are in its label file."""
-        return read_labels(self._predictions / f"{self.names[index]}.label", n_points)
-
-    def labels(self, index: int, n_points: int) -> npt.NDArray[np.uint16]:
-        """Return (n_points,) uint16 of `Label`."""
-        return to_mos(self.packed(index, n_points)).astype(np.uint16)
-
-    def instances(self, index: int, n_points: int) -> npt.NDArray[np.int64]:
-        """Return (n_points,) the id of the track that each moving point belongs to, 0 for none.
-
-        Raises
-        ------
-        InputError
-            Neither the label files nor the run's stages say so.
-        """
-        packed = self.packed(index, n_points)
-        if (packed >> 16).any():
-            return (packed >> 16).astype(np.int64)
-        is_moving = to_mos(packed) == Label.MOVING
-        if not is_moving.any():
-            return np.zeros(n_points, np.int64)
-        run = Workspace(self.folder).read_run()
-        key, name = run.get("stages", {}).get("labels"), f"{self.names[index]}.npz"
-        stages = (REVIEWED, "labels")  # what a person decided, where anything was, else what the run found
-        stage = next((s for s in stages if (self.folder / "stages" / f"{s}-{key}" / name).exists()), None)
-        if stage is None:
-            raise InputError(
-                f"{self.folder} does not say which object each moving point belongs to; label again with "
-                "--set output.track_ids=true"
-            )
-        tracks = Workspace(self.folder).stage(stage, str(key)).load(self.names[index], "track")["track"]
-        return np.where(is_moving, tracks.astype(np.int64) + 1, 0)
 
     def points_at_pose(self, scan: Scan, index: int) -> Points:
         """Return the (N, 3) points of `scan` as seen from its pose, motion-compensated.
@@ -218,16 +182,20 @@ class RunFiles:
         rows = self._rows_of_scan[index]
         table = self._table
         boxes = Boxes(table["center"][rows], table["size"][rows], table["yaw"][rows], table["confidence"][rows])
-        return ScanBoxes(
-            boxes, table["id"][rows], table["verdict"][rows], table["velocity"][rows], table["observed"][rows]
-        )
+        ids = table["id"][rows]
+        columns = table["verdict"][rows], self.kinds(ids), table["velocity"][rows], table["observed"][rows]
+        return ScanBoxes(boxes, ids, *columns)
 
     def boxes_upright(self, index: int) -> ScanBoxes:
         """Return the objects of scan `index` in its upright frame."""
         level = self.boxes_level(index)
         T = inverse(self.T_level_upright(index))
-        velocity = level.velocity @ T[:3, :3].T
-        return ScanBoxes(level.boxes.transformed(T), level.ids, level.verdict, velocity, level.observed)
+        return replace(level, boxes=level.boxes.transformed(T), velocity=level.velocity @ T[:3, :3].T)
+
+    def kinds(self, ids: npt.NDArray[np.int64]) -> npt.NDArray[np.int8]:
+        """Return (K,) of `Kind`, the likeliest of each of some tracks, `ids` (K,); OTHER where there is no such."""
+        unique, row = np.unique(ids, return_inverse=True)
+        return np.array([self._kind_of_track.get(track, Kind.OTHER) for track in unique.tolist()], np.int8)[row]
 
     @property
     def tracks(self) -> dict[int, tuple[str, float]]:
@@ -238,6 +206,11 @@ class RunFiles:
     def tracks_file(self) -> dict[str, Any]:
         """What tracks.json holds."""
         return read_tracks(self.folder / "tracks.json", len(self))
+
+    @cached_property
+    def _kind_of_track(self) -> dict[int, Kind]:
+        found = {track["id"]: track.get("kind") for track in self.tracks_file["tracks"]}
+        return {track: Kind[max(odds, key=odds.get).upper()] for track, odds in found.items() if odds}
 
     @cached_property
     def _table(self) -> dict[str, npt.NDArray]:

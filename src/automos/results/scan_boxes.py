@@ -1,18 +1,50 @@
-"""The objects of one scan: boxes, verdicts and velocities."""
+"""The objects of one scan: boxes, verdicts and velocities, as columns or one by one."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.geometry import make_transform
+from automos.core.scan import Pose
 from automos.core.upright_boxes import Boxes
+from automos.objects.kinds import Kind
+from automos.objects.verdict import Verdict
+from automos.results.tracks_file import VERDICTS
+
+_Vector = npt.NDArray[np.float64]
+
+
+class Box(NamedTuple):
+    """One object in one scan, in the frame that was requested: metres, radians, metres per second.
+
+    `verdict` is one of `VERDICTS`, `score` its confidence; `is_observed` is False where the box was interpolated.
+    """
+
+    id: int
+    verdict: str
+    kind: Kind
+    score: float
+    center: _Vector
+    size: _Vector
+    yaw: float
+    velocity: _Vector
+    is_observed: bool
+
+    @property
+    def pose(self) -> Pose:
+        """(4, 4) from the box, its centre the origin and x its heading, to the frame that it is in."""
+        c, s = np.cos(self.yaw), np.sin(self.yaw)
+        return make_transform([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], self.center)
 
 
 @dataclass(frozen=True, eq=False)
 class ScanBoxes:
-    """The objects of one scan.
+    """The objects of one scan; as an iterable, a `Box` each.
 
     Attributes
     ----------
@@ -22,6 +54,8 @@ class ScanBoxes:
         Track ids, from 1.
     verdict : (K,) int8
         Index into `VERDICTS`.
+    kind : (K,) int8
+        Of `Kind`, the likeliest.
     velocity : (K, 3) float64
         Metres per second, in the same frame.
     observed : (K,) bool
@@ -31,8 +65,22 @@ class ScanBoxes:
     boxes: Boxes
     ids: npt.NDArray[np.int64]
     verdict: npt.NDArray[np.int8]
+    kind: npt.NDArray[np.int8]
     velocity: npt.NDArray[np.float64]
     observed: npt.NDArray[np.bool_]
 
     def __len__(self) -> int:
         return len(self.ids)
+
+    def __iter__(self) -> Iterator[Box]:
+        boxes = self.boxes
+        columns = (self.ids.tolist(), self.verdict, self.kind, boxes.score.tolist(), boxes.center, boxes.size)
+        for id, verdict, kind, score, center, size, yaw, velocity, is_observed in zip(
+            *columns, boxes.yaw.tolist(), self.velocity, self.observed.tolist(), strict=True
+        ):
+            yield Box(id, VERDICTS[verdict], Kind(kind), score, center, size, yaw, velocity, is_observed)
+
+    @property
+    def moving(self) -> list[Box]:
+        """Those that move: motion says nothing of what stands, be it a parked car or a bush."""
+        return [box for box in self if box.verdict == VERDICTS[Verdict.MOVING]]

@@ -55,7 +55,7 @@ class _Track(_Strict):
     verdict: Literal["unknown", "static", "moving"]
     confidence: Annotated[float, Field(ge=0.0, le=1.0)]
     p_moved: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
-    kind: dict[str, float] = Field(default_factory=dict)
+    kind: dict[Literal["car", "large_vehicle", "two_wheeler", "person", "other"], float] = Field(default_factory=dict)
     displacement: Annotated[float, Field(ge=0.0)] = 0.0
     displacement_sigma: Annotated[float, Field(ge=0.0)] | None = None
     moves_from: Annotated[float, Field(allow_inf_nan=False)] | None = None
@@ -65,10 +65,10 @@ class _Track(_Strict):
 
 class _Tracks(_Strict):
     T_world_level: Annotated[list[Row], Field(min_length=4, max_length=4)]
-    tracks: list[_Track]
+    tracks: list[Any]
 
 
-_TRACKS = TypeAdapter(_Tracks)
+_TRACKS, _TRACK = TypeAdapter(_Tracks), TypeAdapter(_Track)
 
 
 def read_tracks(path: Path, n_scans: int) -> dict[str, Any]:
@@ -82,6 +82,8 @@ def read_tracks(path: Path, n_scans: int) -> dict[str, Any]:
     try:
         document: dict[str, Any] = read_json(path)
         checked(_TRACKS, document)
+        for track in document["tracks"]:  # one by one, as a check holds a copy of what it checks
+            checked(_TRACK, track)
         T = np.array(document["T_world_level"])
         if np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() > 1e-3 or not np.array_equal(T[3], [0.0, 0.0, 0.0, 1.0]):
             raise ValueError("T_world_level is not a rigid transform")

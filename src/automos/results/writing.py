@@ -29,7 +29,7 @@ from automos.core.scan import Sequence
 from automos.core.workspace import COMPLETE, RUN_FILE, UNFINISHED, Workspace
 from automos.objects.verdict import Verdict
 from automos.odometry.clock import rate_of
-from automos.result import Result
+from automos.pipeline import Found
 from automos.results.claiming import per_scan_files
 from automos.results.point_files import count_points, no_points, write_points
 from automos.results.tracks_file import track_entries, write_tracks
@@ -41,7 +41,7 @@ _log = logging.getLogger(__name__)
 def write_results(
     folder: Path,
     sequence: Sequence,
-    result: Result,
+    result: Found,
     settings: Settings,
     progress: Callable[[str, int, int], None] = lambda name, done, total: None,
     is_whole: bool = True,
@@ -104,7 +104,7 @@ def declare_whole(folder: Path) -> dict[str, Any]:
 
 
 def _write_scans(
-    folder: Path, result: Result, output: OutputSettings, progress: Callable[[str, int, int], None]
+    folder: Path, result: Found, output: OutputSettings, progress: Callable[[str, int, int], None]
 ) -> tuple[dict[str, int], int]:
     """Write what there is per point; return how many points have each label, and how many ride along."""
     for place in (folder, folder / "predictions", *([folder / "confidences"] if output.confidence else [])):

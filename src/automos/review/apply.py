@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.atomic import write_text
-from automos.core.labels import Label
+from automos.core.labels import Label, as_probability
 from automos.core.reading import read_bytes
 from automos.core.scan import Sequence
 from automos.core.workspace import REVIEWED, RUN_FILE, Workspace
@@ -93,10 +93,10 @@ def rewrite_scan(stages: RunStages, index: int, changes: Changes) -> None:
     """Write the labels of scan `index` after all changes, as the run has them, and for exports each point's object."""
     per_point = changed_labels(stages, index, changes)
     name = stages.names[index]
-    output, sure = stages.settings.output, per_point["confidence"].astype(np.float32) / np.float32(255.0)
+    output, sure = stages.settings.output, as_probability(per_point["confidence"])
     track_ids = per_point["track"] if output.track_ids else None
     write_points(stages.folder, name, per_point["label"], track_ids, sure if output.confidence else None)
-    Workspace(stages.folder).stage(REVIEWED, stages.keys["labels"]).save(name, {"track": per_point["track"]})
+    Workspace(stages.folder).stage(REVIEWED, stages.keys["labels"]).save(name, per_point)
 
 
 def changed_labels(stages: RunStages, index: int, changes: Changes) -> dict[str, npt.NDArray]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from automos.core.labels import Label
 from automos.core.scan import GROUND
-from automos.review.apply import Changes, changed_labels
+from automos.review.apply import Changes, changed_labels, number_of, parts_in, replaced
 from automos.review.run_stages import RunStages
 from automos.review.scenes import AROUND, AROUND_GROUND, OTHER_MOVING, OWN, pack_moments, thin
 
@@ -42,5 +42,20 @@ def place(stages: RunStages, index: int, changes: Changes) -> dict[str, Any]:
         "index": index,
         "time": round(float(stages.trajectory.stamps[index] - stages.trajectory.stamps[0]), 2),
         "origin": frame.origin_level.round(3).tolist(),
+        "boxes": _boxes(stages, index, changes),
         **pack_moments([points[shown]], [kinds[shown]]),
     }
+
+
+def _boxes(stages: RunStages, index: int, changes: Changes) -> list[tuple[int | float, ...]]:
+    """Return the objects of scan `index`, found and made by hand: id, x, y, length, width, yaw; level frame."""
+    tracks, gone = stages.tracks, replaced(stages, index, changes)
+    rows = np.flatnonzero((tracks.scan == index) & ~np.isin(tracks.track, gone))
+    columns = np.column_stack([tracks.center[rows, :2], tracks.size[rows, :2], tracks.yaw[rows]]).round(3)
+    found = [(int(tracks.track[row]) + 1, *box) for row, box in zip(rows, columns.tolist(), strict=True)]
+    T = stages.trajectory.T_level_sensor[index]
+    made = [
+        (number_of(stages, one) + 1, *one.parts[stages.names[index]].box_level(T)[[0, 1, 3, 4, 6]].round(3).tolist())
+        for one, _ in parts_in(stages, index, changes)
+    ]
+    return found + made

@@ -13,6 +13,7 @@ from automos.review.amendments import Amendment, append_amendments, append_verdi
 from automos.review.apply import number_of, read_changes, scans_of
 from automos.review.concerns import note_concerns
 from automos.review.decisions import CHOICES, Decision, append_decisions
+from automos.review.gain import Gain
 from automos.review.log import now
 from automos.review.matching import cover_tracks
 from automos.review.queue import Queue
@@ -29,7 +30,8 @@ class Record:
         self.changes, self.lost = read_changes(stages)
         self.queue = Queue(stages, note_concerns(stages, False))
         self.queue.note(self.changes)
-        self.writer = Writer(run, self.lost, lambda: self.changes)
+        self.gain = Gain(RunStages(run.folder, run.sequence))
+        self.writer = Writer(run, self.lost, lambda: self.changes, self.gain)
         self._covering = RunStages(run.folder, run.sequence)  # of its own, so that deciding never waits for looking
         self._has_ended = False
         self._gate = threading.Lock()  # a decision is taken whole, or waits until another or finishing is through
@@ -37,7 +39,7 @@ class Record:
     def decide(self, tracks: Iterable[int], verdict: str) -> None:
         """Log the decision that the objects with ids `tracks` are `verdict`, and have it written into the results.
 
-        verdict : one of `CHOICES`, or "found": what the pipeline found of each is right.
+        verdict : one of `CHOICES`.
 
         Raises
         ------
@@ -48,13 +50,13 @@ class Record:
         made = self.made_by_hand()
         for track in tracks:
             self.require(track)
-        if verdict not in (*CHOICES, "found"):
+        if verdict not in CHOICES:
             raise InputError(f"{verdict!r} is not a verdict: decide on {', '.join(CHOICES)}")
         with self._gated(", ".join(f"object {track}" for track in tracks)):
             found = [track - 1 for track in tracks if track not in made]
             self._log_decisions(found, verdict)
             by_hand = [made[track] for track in tracks if track in made]
-            if by_hand and verdict != "found":
+            if by_hand:
                 append_verdicts(self._run.folder, now(), {one.key: verdict for one in by_hand})
                 self._reread()
             self.writer.add(scans_of(self._stages, found, by_hand))
@@ -64,10 +66,8 @@ class Record:
         at, key, decided = now(), self._stages.keys["tracking"], dict(self.changes.decided)
         decisions = []
         for track in found:
-            was = self._stages.verdict(track)
-            word = was if verdict == "found" else verdict
-            decisions.append(Decision(at, track + 1, word, was, key, covers[track]))
-            decided[track] = word
+            decisions.append(Decision(at, track + 1, verdict, self._stages.verdict(track), key, covers[track]))
+            decided[track] = verdict
         append_decisions(self._run.folder, decisions)
         held = {track: word for track, word in decided.items() if word != "undo"}
         self.changes = replace(self.changes, decided=held)

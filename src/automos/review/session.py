@@ -99,10 +99,10 @@ class Session:
             return self._pictures.to_page(self.changes.amendments)
 
     def status(self) -> dict[str, Any]:
-        """Return how many decisions hold, how many are still to be written, and what went wrong if anything did."""
+        """Return how many decisions hold, how many are to be written, what went wrong, and the IoU before and now."""
         decided, writer = len(self.changes.decided) + len(self.changes.amendments), self.record.writer
         state = {"waiting": writer.waiting, "problem": writer.problem, "finishing": writer.is_finishing}
-        return {**state, "decided": decided}
+        return {**state, "decided": decided, "iou": self.record.gain.to_page()}
 
     # ------------------------------------------------------------------------------------------------ what is decided
     def decide(self, tracks: Iterable[int], verdict: str) -> None:

@@ -14,8 +14,8 @@ import numpy.typing as npt
 from automos.objects.verdict import Verdict
 from automos.review.run_stages import RunStages
 
-ENOUGH = 0.95
-"""Share of the doubtful points with whose objects a review may end."""
+ENOUGH = 0.8
+"""Share of the doubtful points that the list holds: what is left is sure, one by one, and not worth a look."""
 
 
 @dataclass(frozen=True, eq=False)

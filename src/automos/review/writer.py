@@ -12,6 +12,7 @@ from automos.results.run_files import RunFiles
 from automos.review.amendments import Amendment
 from automos.review.apply import Changes, rewrite_run, rewrite_scan
 from automos.review.decisions import Decision
+from automos.review.gain import Gain
 from automos.review.run_stages import RunStages
 from automos.review.sample import note_quality
 from automos.views.report import write_report
@@ -25,11 +26,11 @@ REST = 0.4
 class Writer:
     """Writes scans that a decision concerns, then tracks.json and run.json, again and again until nothing is left."""
 
-    def __init__(self, run: RunFiles, lost: list[Decision | Amendment], changes: Callable[[], Changes]):
-        """Take the run, decisions that find no track, and what gives all changes as they are now."""
+    def __init__(self, run: RunFiles, lost: list[Decision | Amendment], changes: Callable[[], Changes], gain: Gain):
+        """Take the run, decisions that find no track, what gives all changes as they are now, what counts the gain."""
         self.problem: str | None = None
         self.is_finishing = False
-        self._run, self._lost, self._changes = run, lost, changes
+        self._run, self._lost, self._changes, self._gain = run, lost, changes, gain
         self._queue: Queue[Iterable[int] | None] = Queue()
         self._is_stale = False
         self._finishing = threading.Lock()
@@ -88,6 +89,7 @@ class Writer:
                     unwritten.discard(index)
                 rewrite_run(stages, self._changes(), self._lost)
                 note_quality(self._run.folder)
+                self._gain.count()
                 self.problem, self._is_stale = None, True
             except Exception as error:  # whatever it is, the one who waits for this thread must hear of it
                 self.problem = str(error) if isinstance(error, (AutomosError, OSError)) else repr(error)

@@ -7,7 +7,6 @@ published parameters are), times in seconds. Order of precedence: preset < setti
 from automos.settings.candidates import (
     CandidatesSettings,
     EgoBodySettings,
-    ErasorSettings,
     FreeSpaceSettings,
     GroundSettings,
     SelfTrainingSettings,
@@ -32,7 +31,7 @@ __all__ = [
     "PRESETS",
     "AssociationSettings",
     "CandidatesSettings", "CompletionSettings", "DetectSettings",
-    "EgoBodySettings", "ErasorSettings", "FilterSettings", "FreeSpaceSettings", "GateSettings",
+    "EgoBodySettings", "FilterSettings", "FreeSpaceSettings", "GateSettings",
     "GroundSettings", "HdbscanSettings", "ImageSettings", "InstancesSettings",
     "LabelsSettings", "LoopSettings", "MapSettings", "ModelSettings", "NetworkSettings",
     "OdometrySettings", "OutputSettings", "RecordingSettings",

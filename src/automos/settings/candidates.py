@@ -23,44 +23,17 @@ class EgoBodySettings(Group):
 
     max_range: float = Field(10.0, gt=0, description="m, greatest range of the body; larger values allow larger bodies")
     near_reach: float = Field(1.2, gt=0, description="m, range of repeated returns from ego body; more finds more body")
-    min_share: float = Field(0.7, gt=0, le=1, description="share of scans with equal range; more finds less body")
+    min_share: float = Field(0.7, gt=0, le=1, description="part of scans with equal range; more finds less body")
     tolerance: float = Field(0.06, gt=0, description="m, difference of equal ranges; more finds more body")
 
 
-class ErasorSettings(Group):
-    """III-B: ERASOR (Lim et al., RA-L 2021). Defaults: the whole-sequence preset of its authors (large_scale)."""
-
-    version: Literal[2, 3] = Field(3, description="2: the paper's rule; 3: the released rule, which removes less")
-    max_range: float = Field(
-        80.0, gt=0, description="m, radius of the compared area; larger values find farther movers in larger bins"
-    )
-    min_height: float = Field(
-        -1.3, description="m above the ground under the sensor; larger values leave out more low points"
-    )
-    max_height: float = Field(
-        3.0,
-        description="m above the ground under the sensor; larger values include tall lorries, and trees above cars",
-    )
-    scan_ratio: float = Field(
-        0.2, gt=0, lt=1, description="ratio of heights below which a bin has changed; larger values remove more"
-    )
-    voxel: float = Field(
-        0.2,
-        gt=0,
-        description="m, side of a voxel; larger voxels need less memory and remove more around a mover",
-    )
-    every: int = Field(
-        4, ge=1, description="scans per comparison with the map; larger values take less time and remove less"
-    )
-
-
 class FreeSpaceSettings(Group):
-    """Free-space evidence: which places were observed free before or after."""
+    """Free-space evidence: what was observed free before or after."""
 
     spans: tuple[float, ...] = Field(
         (0.2, 0.4, 0.6, 0.8, 1.0, 1.3, 1.7, 2.2, 3.0, 4.0, 5.5, 8.0),
         min_length=1,
-        description="s, times before and after a scan at which others are asked; more spans take longer",
+        description="s, before and after a scan, between scans that are compared; more spans take longer",
     )
     far_from: float = Field(2.5, gt=0, description="s, longer spans use only scans far_step apart; more needs memory")
     far_step: float = Field(0.4, gt=0, description="s, between scans for long spans; larger values use less memory")
@@ -69,7 +42,7 @@ class FreeSpaceSettings(Group):
     hit: float = Field(0.25, gt=0, description="m from a point within which a ray hits it again; more finds more hits")
     hit_per_metre: float = Field(0.005, ge=0, description="m, increase of that distance per metre of range")
     clear_width: float = Field(0.2, gt=0, description="m, width that must be free; larger values find less free space")
-    lone_weight: float = Field(0.25, ge=0, le=1, description="of free space at isolated points; more adds movers")
+    lone_weight: float = Field(0.25, ge=0, le=1, description="of free space at single points; more adds movers")
     stay_weight: float = Field(0.25, ge=0, description="of a hit (plus 1 while the object was away); more drops movers")
 
 
@@ -81,7 +54,6 @@ class CandidatesSettings(Group):
     ] = "free_space"
     ground: GroundSettings = GroundSettings()
     ego_body: EgoBodySettings = EgoBodySettings()
-    erasor: ErasorSettings = ErasorSettings()
     free_space: FreeSpaceSettings = FreeSpaceSettings()
 
 

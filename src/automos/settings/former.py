@@ -41,10 +41,6 @@ CONSTANTS = {
         place_every place_length place_scans rings sectors voxel max_turn_drift_deg max_offset max_difference candidates
         registration_distances min_points drift turn_drift_deg deviation turn_deviation_deg
         """,
-    "candidates.erasor": """
-        rings sectors min_points bin_max_height min_removed_span ground_seed_height ground_lowest_skipped ground_lowest
-        ground_iterations ground_distance ego_radius submap_scans submap_length
-        """,
     "instances": "ego_radius",
     "instances.hdbscan": "min_samples voxel",
     "network.image": "spacing residual_min_range residual_max_range",
@@ -71,6 +67,7 @@ CONSTANTS = {
 """Names, by group, of former settings that are now constants."""
 
 BECAME = {
+    "candidates.erasor": "its published parameters are used, see automos.baselines.erasor; remove it",
     "baselines": "other methods use the published parameters, see automos.baselines; remove it",
     "network.online": "give automos segment its --engine, --device and --threads instead",
     "network.augmentation": "network.training.augment turns it on or off",

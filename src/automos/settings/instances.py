@@ -36,7 +36,7 @@ class HdbscanSettings(Group):
         20.0, gt=0, description="m, T_size (III-F); larger values keep lorries, and walls with movers beside them"
     )
     min_score: float = Field(
-        0.5, ge=0, le=1, description="share of candidates in an instance; larger values find fewer instances"
+        0.5, ge=0, le=1, description="fraction of candidates in an instance; larger values find fewer instances"
     )
 
     @field_validator("epsilons")
@@ -53,11 +53,11 @@ class DetectSettings(Group):
 
     segments: SegmentSettings = SegmentSettings()
     min_log_odds: float = Field(  # 0.62 to 0.38: less than half a vote, and half votes are frequent
-        0.49, ge=0, description="points above have moved, below minus this stayed; larger values leave more unknown"
+        0.49, ge=0, description="points above moved, below minus this are static; larger values leave more unknown"
     )
     min_points: int = Field(3, ge=1, description="points of the smallest object; larger values drop small objects")
     max_side: float = Field(45.0, gt=0, description="m, longest object; larger values keep walls")
-    min_share: float = Field(0.5, ge=0, le=1, description="share of moved among known points; more makes more static")
+    min_share: float = Field(0.5, ge=0, le=1, description="part of known points that moved; more makes more static")
 
 
 class InstancesSettings(Group):

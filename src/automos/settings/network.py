@@ -32,7 +32,7 @@ class ModelSettings(Group):
         description="channels of the first layer; 32 is full size, 8 narrow; more learn more, but slower",
     )
     dropout: float = Field(
-        0.2, ge=0, lt=1, description="share of channels dropped in training; larger values reduce overfitting"
+        0.2, ge=0, lt=1, description="fraction of channels dropped in training; larger values reduce overfitting"
     )
 
 

@@ -15,7 +15,7 @@ class LoopSettings(Group):
     reach: float = Field(40.0, gt=0, description="m around a place; more distinguishes places better and takes longer")
     min_distance: float = Field(50.0, gt=0, description="m driven before a revisit; larger values find fewer loops")
     max_drift: float = Field(0.05, ge=0, description="drift per distance driven; more searches farther for loops")
-    min_overlap: float = Field(0.7, gt=0, le=1, description="matching share of non-ground points; more rejects loops")
+    min_overlap: float = Field(0.7, gt=0, le=1, description="matching part of non-ground points; more rejects loops")
 
 
 class OdometrySettings(Group):
@@ -50,6 +50,6 @@ class OdometrySettings(Group):
     min_height: float = Field(0.1, ge=0, description="m, least height of the sensor above the ground")
     max_height: float = Field(5.0, gt=0, description="m, greatest height of the sensor above the ground")
     loop_closure: bool = Field(
-        False, description="remove the drift that revisits show; poses bend slightly, which costs label accuracy"
+        False, description="remove the drift that revisits show; poses shift slightly, which costs label accuracy"
     )
     loops: LoopSettings = Field(default_factory=LoopSettings)

@@ -6,7 +6,7 @@
 """
 
 from automos.simulation.annotations import Annotations
-from automos.simulation.api import SCENARIOS, SENSORS, record, simulate
+from automos.simulation.api import LONG, SCENARIOS, SENSORS, record, simulate
 from automos.simulation.conditions import Conditions
 from automos.simulation.recorders import Convention, write_recorded
 from automos.simulation.sequence import FORMAT, SimulatedSequence
@@ -14,6 +14,7 @@ from automos.simulation.write import write
 
 __all__ = [
     "FORMAT",
+    "LONG",
     "SCENARIOS",
     "SENSORS",
     "Annotations",

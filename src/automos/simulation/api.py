@@ -8,6 +8,7 @@ from automos.core.errors import InputError
 from automos.simulation.conditions import MOUNTS, Conditions
 from automos.simulation.merged import MergedSequence
 from automos.simulation.recorders import Convention, Recorded
+from automos.simulation.scenarios import LONG as LONG
 from automos.simulation.scenarios import SCENARIOS as _SCENARIOS
 from automos.simulation.sensing.sensors import SENSORS as _SENSORS
 from automos.simulation.sequence import SimulatedSequence

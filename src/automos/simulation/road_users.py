@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -11,6 +13,28 @@ from automos.simulation.shapes.things import Thing
 from automos.simulation.traffic.agents import Agent
 from automos.simulation.traffic.paths import Path
 from automos.simulation.world import Site, is_clear
+
+PAIRS = {2: 0.25, 1: 0.75}
+"""Shares of people on foot by how many go together."""
+
+
+@dataclass(frozen=True)
+class Life:
+    """What goes on in a street.
+
+    Attributes
+    ----------
+    heavy : share of the vehicles that are lorries, buses and articulated lorries.
+    arrive, leave : metres of kerb between cars that drive up and park, and between those that pull out.
+    vans : share of what stands at the kerb that hides what is behind it.
+    parties : shares of people on foot by how many go together.
+    """
+
+    heavy: float
+    arrive: float
+    leave: float
+    vans: float = 0.08
+    parties: Mapping[int, float] = field(default_factory=lambda: PAIRS)
 
 
 def a_vehicle(rng: np.random.Generator, heavy: float = 0.12) -> tuple[tuple[Thing, ...], tuple[float, ...]]:
@@ -90,9 +114,15 @@ def feed_lane(
 
 
 def add_walkers(
-    site: Site, path: Path, n: int, spread: float, speed: tuple[float, float] = (0.9, 1.6), both_ways: bool = True
+    site: Site,
+    path: Path,
+    n: int,
+    spread: float,
+    speed: tuple[float, float] = (0.9, 1.6),
+    both_ways: bool = True,
+    parties: Mapping[int, float] = PAIRS,
 ) -> None:
-    """Let `n` people walk along a path, up to `spread` metres to either side of it; some in pairs."""
+    """Let `n` parties of people walk along a path, up to `spread` metres to either side of it, three abreast."""
     rng = site.rng
     templates = _walker_templates(0)
     back = path.reversed()
@@ -103,11 +133,11 @@ def add_walkers(
             rng.uniform(-spread, spread),
             rng.uniform(*speed),
         )
-        company = 2 if rng.random() < 0.25 else 1
+        company = list(parties)[int(np.searchsorted(np.cumsum(list(parties.values())), rng.random(), side="right"))]
         for k in range(company):
             thing = templates[int(rng.integers(len(templates)))]
-            beside = offset + (0.7 * k if offset < 0 else -0.7 * k)
-            walker = Agent((thing,), line, s, pace, offset=beside, wander=0.1, on_foot=True)
+            beside = offset + 0.7 * (k % 3) * (1.0 if offset < 0 else -1.0)
+            walker = Agent((thing,), line, s - 0.9 * (k // 3), pace, offset=beside, wander=0.1, on_foot=True)
             add_agent(site, walker, clearance=0.15)
 
 

@@ -106,9 +106,16 @@ def place_clutter(
 
 
 def park_row(
-    site: Site, path: Path, offset: float, fill: float, crosswise: bool = False, start: float = 0.0, end: float = np.inf
+    site: Site,
+    path: Path,
+    offset: float,
+    fill: float,
+    crosswise: bool = False,
+    start: float = 0.0,
+    end: float = np.inf,
+    vans: float = 0.08,
 ) -> None:
-    """Park cars along a path, `offset` metres to its left, taking the share `fill` of the places."""
+    """Park cars, and `vans` of them vans, `offset` metres left of a path, taking the share `fill` of the places."""
     rng = site.rng
     pitch = 2.6 if crosswise else 6.2
     s = start + rng.uniform(1.0, 4.0)
@@ -119,7 +126,7 @@ def park_row(
         distances = site.terrain.road_distance(np.array([(ax[0], ax[1]), (ay[0], ay[1]), (x, y)]))
         at_kerb = np.ptp(distances) < 0.8  # a junction mouth is no place to park
         if rng.random() < fill and at_kerb and site.is_free(float(x), float(y), 2.5):
-            thing = vehicles.make_van(rng) if rng.random() < 0.08 else vehicles.make_car(rng)
+            thing = vehicles.make_van(rng) if rng.random() < vans else vehicles.make_car(rng)
             turn = side * 0.5 * np.pi if crosswise else 0.0
             flip = np.pi if rng.random() < (0.5 if crosswise else 0.0) or (side > 0 and not crosswise) else 0.0
             site.park(thing, float(x), float(y), float(heading) + turn + flip + rng.normal(0.0, 0.02))

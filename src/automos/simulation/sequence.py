@@ -13,6 +13,7 @@ import numpy.typing as npt
 from automos.core.geometry import inverse, make_transform, rotation_between
 from automos.core.labels import OUTLIER, Label, pack
 from automos.core.scan import Pose, Scan, Sequence
+from automos.core.upright_boxes import TrueBoxes
 from automos.simulation.annotations import Annotations, upright_boxes
 from automos.simulation.conditions import Conditions
 from automos.simulation.rigs import ride_on, rigs
@@ -56,13 +57,11 @@ class SimulatedSequence(Sequence):
     ):
         self.scenario, self.sensor, self.seed = scenario, sensor, seed
         self.name = f"{scenario}_{sensor.name}_{seed}".replace(" ", "_")
-        self._n_scans = n_scans
-        self._compensated = compensated
+        self._n_scans, self._compensated = n_scans, compensated
         self.conditions = conditions or Conditions()
 
     def __reduce__(self) -> tuple:
-        what = (self.scenario, self.sensor.name, self._n_scans, self.seed, self._compensated, self.conditions)
-        return _restore, what
+        return _restore, (self.scenario, self.sensor.name, len(self), self.seed, self._compensated, self.conditions)
 
     def __len__(self) -> int:
         return self._n_scans
@@ -98,9 +97,8 @@ class SimulatedSequence(Sequence):
     def T_level_world(self) -> Pose:
         """(4, 4): turns the world upright (least rotation) and puts z = 0 on the ground under the first scan."""
         T = self._T_site_sensor(self.stamps[0])
-        up_world = T[2, :3]
         height = T[2, 3] - self.world.ground_under_ego
-        return make_transform(rotation_between(up_world, [0.0, 0.0, 1.0]), [0.0, 0.0, height])
+        return make_transform(rotation_between(T[2, :3], [0.0, 0.0, 1.0]), [0.0, 0.0, height])
 
     def truth(self, index: int) -> npt.NDArray[np.uint32]:
         """Return (N,) labels: MOVING for what moves at some time while observed, instance ids in the upper 16 bits.
@@ -137,10 +135,14 @@ class SimulatedSequence(Sequence):
             n_points=n_points[rows],
         )
 
+    def truth_boxes(self, index: int) -> TrueBoxes:
+        """Return the boxes of scan `index`, in the level frame."""
+        found = self.boxes(index)
+        return TrueBoxes(found.ids.astype(np.int64), found.boxes, self.T_level_world @ self.reference_poses[index])
+
     def fingerprint(self) -> str:
         """Return a text that changes when the recording does."""
-        made = f"{FORMAT}:{self.sensor.name}:{self.seed}:{self._compensated}:{self.conditions}"
-        return f"{super().fingerprint()}:{made}"
+        return f"{super().fingerprint()}:{FORMAT}:{self.sensor.name}:{self.seed}:{self._compensated}:{self.conditions}"
 
     # ------------------------------------------------------------------------------------------------ inner workings
     @property
@@ -182,9 +184,7 @@ class SimulatedSequence(Sequence):
         return pack(labels, np.where(cast.is_clear, on_object, 0))
 
     def _cast(self, index: int) -> Cast:
-        if not -len(self) <= index < len(self):
-            raise IndexError(f"scan {index} of {len(self)}")
-        return _cast(self, index % len(self))
+        return _cast(self, self._scan_number(index))
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, SimulatedSequence) and self.__reduce__() == other.__reduce__()

@@ -22,6 +22,7 @@ from automos.core.claims import SIMULATION
 from automos.core.own_folder import own_folder
 from automos.core.parallel import map_in_order
 from automos.core.pose_writers import write_kitti
+from automos.simulation.bag import write_bag
 from automos.simulation.sequence import FORMAT, SimulatedSequence
 
 MARKER = "simulation.json"
@@ -34,8 +35,11 @@ def write(
     out: str | Path,
     workers: int = 1,
     progress: Callable[[str, int, int], None] | None = None,
+    bag: bool = False,
 ) -> Path:
     """Write `sequence` with its truth to folder `out` and return the folder; an interrupted run goes on.
+
+    With `bag`, `out / bag` is the same as a robot keeps it, with an IMU: see `bag`.
 
     Every file is whole or not there. `workers` processes share the scans (0: one per core); the bytes do not depend on
     their number. `progress` is called with ("simulate", done, total).
@@ -51,6 +55,8 @@ def write(
         for name in _FOLDERS:
             (out / name).mkdir(exist_ok=True)
         _write_all(sequence, out, workers, progress)
+        if bag:
+            write_bag(sequence, out / "bag")
     return out
 
 

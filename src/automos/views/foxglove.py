@@ -10,10 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from automos.core.geometry import quaternion_of
 from automos.core.scan import Pose, Scan
 from automos.labeler import LabelledScan
 from automos.readers.formats import import_extra
-from automos.writers.point_columns import packed_rows, scan_columns
+from automos.readers.point_cloud2 import packed_rows
+from automos.writers.point_columns import scan_columns
 
 WORLD, LIDAR = "world", "lidar"
 _BACKLOG = 8
@@ -115,8 +117,6 @@ class FoxgloveView:
 
     def _parts(self, T: Pose) -> tuple[Any, Any]:
         """Return the vector and the quaternion of a (4, 4) transform."""
-        from scipy.spatial.transform import Rotation
-
-        place, turn = T[:3, 3].tolist(), Rotation.from_matrix(T[:3, :3]).as_quat(canonical=True).tolist()
+        place, turn = T[:3, 3].tolist(), quaternion_of(T).tolist()
         vector = self._m.Vector3(**dict(zip("xyz", place, strict=True)))
         return vector, self._m.Quaternion(**dict(zip("xyzw", turn, strict=True)))

@@ -25,7 +25,7 @@ def write_report(run: RunFiles, path: str | Path) -> None:
     Parameters
     ----------
     run : RunFiles
-        Result of `automos.open_run`.
+        Result of `automos.label` or `automos.load`.
     path : str or Path
         HTML file to write. It is written completely or not at all.
 
@@ -37,9 +37,9 @@ def write_report(run: RunFiles, path: str | Path) -> None:
     Examples
     --------
     >>> import automos
-    >>> automos.write_report(automos.open_run("automos_runs/my_log"), "report.html")
+    >>> automos.write_report(automos.load("automos_runs/my_log"), "report.html")
     """
-    require_kind(run, RunFiles, "run", "what automos.open_run returns")
+    require_kind(run, RunFiles, "run", "what automos.label or automos.load returns")
     target = given_path(path, "the file of a report")
     claim_file(target, b"AutoMOS report</title>")
     data = survey(run)

@@ -13,18 +13,18 @@ from automos.core.labels import Label, to_mos
 from automos.core.reading import damage_reported, is_there, read_text
 from automos.core.workspace import Workspace
 from automos.evaluation.moving import Counts, Scores, count
-from automos.evaluation.objects import ObjectCounts, count_objects
+from automos.evaluation.objects import FOUND, movers_of
+from automos.evaluation.overlaps import Overlaps, count_overlaps
 from automos.results.run_files import RunFiles
 from automos.views.caveats import caveats
 from automos.views.ground_map import FALSE, MISSED, MOVES, STANDS, GroundMap
 from automos.views.thumbnails import Thumbnails
+from automos.views.trust import trust_in
 
 MAX_THUMBNAILS = 900
 """Tracks that get a picture; the least certain and all that moves go first."""
 MAX_BOXES = 40_000
 """Boxes of moving tracks that the map can play back; of more, every second scan is kept, or every third."""
-FOUND = 0.5
-"""Share of its points from which an object counts as found, as `automos evaluate` counts it."""
 _CLASSES = (Label.UNLABELED, Label.STATIC, Label.MOVING)
 
 
@@ -42,7 +42,7 @@ def survey(run: RunFiles) -> dict[str, Any]:
     T_level_sensor = np.array([run.T_level_sensor(i) for i in range(n)])
     path = T_level_sensor[:, :3, 3]
     ground, pictures = GroundMap(path), Thumbnails(_most_telling(tracks))
-    points = np.zeros((n, len(_CLASSES)), np.int64)
+    points, sure = np.zeros((n, len(_CLASSES)), np.int64), _Sureness(run.tracks)
     truth = _Truth(n)
     for i in run.each("report"):
         scan = run.scan(i)
@@ -50,9 +50,13 @@ def survey(run: RunFiles) -> dict[str, Any]:
         points[i] = [(labels == label).sum() for label in _CLASSES]
         level = transform(T_level_sensor[i], run.points_at_pose(scan, i))
         is_shown = scan.is_valid & (labels != Label.UNLABELED)
-        kinds = truth.compare(i, run, labels, scan.points)
+        owners = run.tracks_of_points(i, len(scan))
+        sure.add(labels, owners)
+        kinds = truth.compare(i, run, labels, scan.points, owners)
         ground.add(level[is_shown], kinds[is_shown])
         pictures.add(i, level[scan.is_valid])
+    warnings = caveats(about, tracks, T_level_sensor, run.stamps, run.names, points.sum(axis=0))
+    scores = truth.to_page()
     return {
         "name": about.get("recording", {}).get("name", run.sequence.name),
         "scans": n,
@@ -61,14 +65,17 @@ def survey(run: RunFiles) -> dict[str, Any]:
         "has_clock": run.sequence.stamps is not None,
         "points": points.T.tolist(),  # one list per class
         "path": path[:, :2].round(2).tolist(),
+        "height": path[:, 2].round(3).tolist(),
+        "tilt": T_level_sensor[:, 2, 2].clip(-1.0, 1.0).round(5).tolist(),  # cosine of the angle to up
         "heading": np.arctan2(T_level_sensor[:, 1, 0], T_level_sensor[:, 0, 0]).round(3).tolist(),
         "length": round(float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()), 1),
         "map": ground.to_page(),
         "tracks": [track_row(track) for track in sorted(tracks, key=doubt)],
         "pictures": pictures.to_page(),
         "boxes": _packed_boxes(tracks, n),
-        "truth": truth.to_page(),
-        "caveats": caveats(about, tracks, T_level_sensor, run.stamps, run.names, points.sum(axis=0)),
+        "truth": scores,
+        "trust": trust_in(about, warnings, sure.expected, None if scores is None else scores["all"]),
+        "caveats": warnings,
         "warnings": [_pointed(warning, run.names) for warning in about.get("warnings", []) if "scan" in warning],
         "run": {key: about.get(key, {}) for key in ("seconds", "versions", "odometry", "review", "quality")},
         "settings": _settings_text(run),
@@ -136,15 +143,40 @@ def _settings_text(run: RunFiles) -> str:
         return read_text(path) if is_there(path) else ""
 
 
+class _Sureness:
+    """How many of the moving points are right, by the confidence of the objects that they are on."""
+
+    def __init__(self, tracks: dict[int, tuple[str, float]]):
+        self._sure = {track: confidence for track, (_, confidence) in tracks.items()}
+        self._points, self._right = 0, 0.0
+
+    def add(self, labels: npt.NDArray, owners: npt.NDArray | None) -> None:
+        """Count the moving points of a scan that are on an object: `labels` and `owners` (N,)."""
+        if owners is not None:
+            ids, counts = np.unique(owners[(labels == Label.MOVING) & (owners > 0)], return_counts=True)
+            known = [
+                (self._sure[track], n) for track, n in zip(ids.tolist(), counts, strict=True) if track in self._sure
+            ]
+            self._points += sum(int(n) for _, n in known)
+            self._right += sum(confidence * float(n) for confidence, n in known)
+
+    @property
+    def expected(self) -> float | None:
+        """Share that is right; None without any."""
+        return self._right / self._points if self._points else None
+
+
 class _Truth:
     """Counts against the ground truth, if there is any."""
 
     def __init__(self, n_scans: int):
         self._counts = Counts()
-        self._objects = ObjectCounts()
+        self._overlaps = [Overlaps.empty()]
         self._per_scan = np.full((n_scans, 3), -1, np.int64)
 
-    def compare(self, index: int, run: RunFiles, labels: npt.NDArray, points: npt.NDArray) -> npt.NDArray[np.uint8]:
+    def compare(
+        self, index: int, run: RunFiles, labels: npt.NDArray, points: npt.NDArray, owners: npt.NDArray | None
+    ) -> npt.NDArray[np.uint8]:
         """Count the labels of a scan against its ground truth; return what the map draws for each point."""
         says_moving = labels == Label.MOVING
         truth = run.sequence.truth(index)
@@ -156,7 +188,7 @@ class _Truth:
         scores = counted.scores
         self._per_scan[index] = scores.true_dynamic, scores.false_dynamic, scores.false_static
         self._counts += counted
-        self._objects += count_objects(labels, truth)
+        self._overlaps.append(count_overlaps(index, labels, truth, owners))
         true = to_mos(truth)
         kinds = np.where(says_moving, np.where(true == Label.STATIC, FALSE, MOVES), STANDS)
         return np.where(~says_moving & (true == Label.MOVING), MISSED, kinds).astype(np.uint8)
@@ -164,7 +196,7 @@ class _Truth:
     def to_page(self) -> dict[str, Any] | None:
         if not self._counts.n_scans:
             return None
-        recall = self._objects.recall
+        recall = movers_of(Overlaps.concatenate(self._overlaps)).recall
         return {
             "all": _scores(self._counts.scores),
             "ranges": {name: _scores(scores) for name, scores in self._counts.scores_by_range.items()},

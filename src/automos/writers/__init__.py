@@ -19,12 +19,13 @@ if TYPE_CHECKING:
     from automos.results.run_files import RunFiles
     from automos.writers.formats import Export
 
+_SCAN_FILES = ("panoptic", "instances", "pcd", "ply", "laz")
 EXPORTS: tuple[str, ...] = (
-    "semantickitti", "panoptic", "instances", "pcd", "ply", "laz", "parquet", "mcap",
-    "kitti_tracking", "nuscenes", "nuscenes-tables", "openpcdet", "mmdet3d", "openlabel",
-    "cvat", "segments", "supervisely", "sustech", "flow-av2", "opensceneflow", "dynamicmap",
+    "semantickitti", *_SCAN_FILES, "parquet", "mcap",
+    "kitti_tracking", "nuscenes", "nuscenes-tables", "t4", "openpcdet", "mmdet3d", "openlabel",
+    "cvat", "segments", "supervisely", "sustech", "flow-av2", "opensceneflow", "dynamicmap", "ncore", "drivestudio",
 )  # fmt: skip
-"""Formats that results are written in; each is a module of this package, a dash there an underscore."""
+"""Formats that results are written in: those of `scan_files`, and a module each, a dash there an underscore."""
 
 
 def load_export(name: str) -> Export:
@@ -39,7 +40,9 @@ def load_export(name: str) -> Export:
     if name not in EXPORTS:
         near = difflib.get_close_matches(name.lower(), EXPORTS, n=1, cutoff=0.0)
         raise InputError(f"unknown format {name!r}; did you mean {near[0]!r}? Known are: {', '.join(EXPORTS)}")
-    declared: Export = importlib.import_module(f"automos.writers.{name.replace('-', '_')}").EXPORT
+    home = "scan_files" if name in _SCAN_FILES else name.replace("-", "_")
+    module = importlib.import_module(f"automos.writers.{home}")
+    declared: Export = module.SCAN_FILES[name] if name in _SCAN_FILES else module.EXPORT
     return declared
 
 

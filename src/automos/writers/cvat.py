@@ -48,24 +48,23 @@ def write(run: RunFiles, out: Path) -> None:
 
 
 def _item(run: RunFiles, index: int) -> dict[str, Any]:
-    found = run.boxes_upright(index)
     annotations = [
         {
             "id": k,
             "type": "cuboid_3d",
             "attributes": {
-                "occluded": not bool(found.observed[k]),
-                "track_id": int(found.ids[k]),
+                "occluded": not box.is_observed,
+                "track_id": box.id,
                 "keyframe": True,
                 "outside": False,
             },
             "group": 0,
-            "label_id": int(found.verdict[k]),
-            "position": found.boxes.center[k].round(6).tolist(),
-            "rotation": [0.0, 0.0, round(float(found.boxes.yaw[k]), 6)],
-            "scale": found.boxes.size[k].round(6).tolist(),
+            "label_id": VERDICTS.index(box.verdict),
+            "position": box.center.round(6).tolist(),
+            "rotation": [0.0, 0.0, round(box.yaw, 6)],
+            "scale": box.size.round(6).tolist(),
         }
-        for k in range(len(found))
+        for k, box in enumerate(run.boxes_upright(index))
     ]
     name = run.names[index]
     return {

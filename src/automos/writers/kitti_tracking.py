@@ -14,7 +14,6 @@ import numpy as np
 from automos.core.atomic import write_text
 from automos.core.geometry import inverse, make_transform, transform
 from automos.results.run_files import RunFiles
-from automos.results.tracks_file import VERDICTS
 from automos.writers.formats import Export
 
 R_CAMERA_UPRIGHT = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
@@ -37,14 +36,12 @@ def write(run: RunFiles, out: Path) -> None:
         heading = np.column_stack([np.cos(found.boxes.yaw), np.sin(found.boxes.yaw), np.zeros(len(found))])
         heading = heading @ T_camera_level[:3, :3].T
         rotation_y = np.arctan2(-heading[:, 2], heading[:, 0])
-        for k in range(len(found)):
-            length, width, height = found.boxes.size[k]
-            kind = VERDICTS[found.verdict[k]].capitalize()
-            occluded = 0 if found.observed[k] else 3  # 3: unknown
+        for box, (x, y, z), turn in zip(found, location, rotation_y, strict=True):
+            length, width, height = box.size
+            occluded = 0 if box.is_observed else 3  # 3: unknown
             lines.append(
-                f"{index} {found.ids[k]} {kind} 0 {occluded} -10 -1 -1 -1 -1 {height:.4f} {width:.4f} {length:.4f} "
-                f"{location[k, 0]:.4f} {location[k, 1]:.4f} {location[k, 2]:.4f} {rotation_y[k]:.5f} "
-                f"{found.boxes.score[k]:.4f}\n"
+                f"{index} {box.id} {box.verdict.capitalize()} 0 {occluded} -10 -1 -1 -1 -1 {height:.4f} {width:.4f} "
+                f"{length:.4f} {x:.4f} {y:.4f} {z:.4f} {turn:.5f} {box.score:.4f}\n"
             )
     for folder in ("label_02", "calib"):
         (out / folder).mkdir(parents=True, exist_ok=True)

@@ -8,14 +8,12 @@ extra dimension.
 from __future__ import annotations
 
 import io
-from pathlib import Path
+from collections.abc import Callable
 
 import numpy as np
 
-from automos.core.atomic import atomic_path
 from automos.readers.formats import import_extra
 from automos.results.run_files import RunFiles
-from automos.writers.formats import Export
 from automos.writers.point_columns import point_columns
 
 STEP = 1e-4
@@ -24,13 +22,13 @@ _REACH = (2**31 - 1) * STEP
 """Metres that 32 bits reach: 214 km."""
 
 
-def write(run: RunFiles, out: Path) -> None:
-    """Write every scan as `out / <name>.laz` with the columns of `point_columns`."""
+def laz_packer(run: RunFiles) -> Callable[[int], bytes]:
+    """Return what packs the scans of `run`: all in one unit of intensity."""
     laspy = import_extra("laspy", "las")
     import_extra("lazrs", "las")
-    out.mkdir(parents=True, exist_ok=True)
     scale = _intensity_scale(run)
-    for index in run.each("writing .laz"):
+
+    def packed(index: int) -> bytes:
         columns = point_columns(run, index)
         header = laspy.LasHeader(version="1.4", point_format=6)
         header.scales, header.offsets = np.full(3, STEP), np.zeros(3)
@@ -48,10 +46,11 @@ def write(run: RunFiles, out: Path) -> None:
             las.gps_time = columns["time"].astype(np.float64) + run.stamps[index]
         for name, column in extra.items():
             las[name] = column
-        packed = io.BytesIO()  # what packs does not tell a full disk from other faults
-        las.write(packed, do_compress=True)
-        with atomic_path(out / f"{run.names[index]}.laz") as temporary:
-            temporary.write_bytes(packed.getvalue())
+        content = io.BytesIO()  # what packs does not tell a full disk from other faults
+        las.write(content, do_compress=True)
+        return content.getvalue()
+
+    return packed
 
 
 def _intensity_scale(run: RunFiles) -> float:
@@ -71,12 +70,3 @@ def _to_16_bits(intensity: np.ndarray, scale: float) -> np.ndarray:
 
 def _finite(intensity: np.ndarray) -> np.ndarray:
     return np.nan_to_num(intensity, nan=0.0, posinf=0.0, neginf=0.0)
-
-
-EXPORT = Export(
-    writes="folder of .laz: classification, gps_time, extra dimensions",
-    write=write,
-    is_of_points=True,
-    needs="las",
-    per_scan=("*.laz",),
-)

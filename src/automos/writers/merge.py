@@ -127,13 +127,13 @@ def _write_labels(
 
 
 def _from_file(
-    path: Path, before: tuple[npt.NDArray[np.uint16], npt.NDArray[np.int64]]
-) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.int64]]:
+    path: Path, before: tuple[npt.NDArray[np.uint8], npt.NDArray[np.int64]]
+) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.int64]]:
     """Return the labels in a corrected file, of any SemanticKITTI class; without ids, points that move keep theirs."""
     if not is_there(path):
         return before
     packed = read_labels(path, len(before[0]))
-    label = to_mos(packed).astype(np.uint16)
+    label = to_mos(packed)
     own = (packed >> 16).astype(np.int64)
     return label, np.where(label == Label.MOVING, own if own.any() else before[1], 0)
 
@@ -143,7 +143,7 @@ def _count_boxes(changes: list[Change], merged: Merged) -> None:
         merged.boxes.update(change.kinds or ["unchanged"])
 
 
-def _count_changes(before: npt.NDArray[np.uint16], after: npt.NDArray[np.uint16], merged: Merged) -> None:
+def _count_changes(before: npt.NDArray[np.uint8], after: npt.NDArray[np.uint8], merged: Merged) -> None:
     changed = before != after
     merged.scans += bool(changed.any())
     pairs, counts = np.unique(np.column_stack([before[changed], after[changed]]), axis=0, return_counts=True)

@@ -12,15 +12,15 @@ from typing import Any
 
 from automos.core.atomic import atomic_path, write_raw
 from automos.results.run_files import RunFiles
+from automos.writers.detector_sets import CLASS_OF_KIND, CLASSES, split_of
 from automos.writers.formats import Export
-from automos.writers.kinds import KINDS, Kinds, kinds_of_tracks
-from automos.writers.movers import only_moving, split_of, upright_points
+from automos.writers.point_columns import upright_points
 
 
 def write(run: RunFiles, out: Path) -> None:
     """Write the folder `out`."""
     (out / "points").mkdir(parents=True, exist_ok=True)
-    kinds, frames = kinds_of_tracks(run), {}
+    frames = {}
     for index in run.each("writing boxes"):
         name = f"{index:06d}"
         write_raw(out / "points" / f"{name}.bin", upright_points(run, index))
@@ -28,26 +28,23 @@ def write(run: RunFiles, out: Path) -> None:
             "sample_idx": index,
             "timestamp": float(run.stamps[index]),
             "lidar_points": {"lidar_path": f"{name}.bin", "num_pts_feats": 4},
-            "instances": _instances(run, index, kinds),
+            "instances": _instances(run, index),
         }
-    about = {"dataset": "automos", "categories": {kind: k for k, kind in enumerate(KINDS)}, "version": "1.1"}
+    about = {"dataset": "automos", "categories": {kind: k for k, kind in enumerate(CLASSES)}, "version": "1.1"}
     for split, names in split_of(list(frames)).items():
         infos = {"metainfo": about, "data_list": [frames[name] for name in names]}
         with atomic_path(out / f"infos_{split}.pkl") as temporary, temporary.open("wb") as file:
             pickle.dump(infos, file)
 
 
-def _instances(run: RunFiles, index: int, kinds: Kinds) -> list[dict[str, Any]]:
-    found = only_moving(run.boxes_upright(index))
-    bottom = found.boxes.center - 0.5 * found.boxes.size * [0.0, 0.0, 1.0]
-    kind = kinds(found.ids)
+def _instances(run: RunFiles, index: int) -> list[dict[str, Any]]:
     return [
         {
-            "bbox_3d": [*bottom[k].tolist(), *found.boxes.size[k].tolist(), float(found.boxes.yaw[k])],
-            "bbox_label_3d": int(kind[k]),
-            "track_id": int(found.ids[k]),
+            "bbox_3d": [*(box.center - 0.5 * box.size * [0.0, 0.0, 1.0]).tolist(), *box.size.tolist(), box.yaw],
+            "bbox_label_3d": CLASS_OF_KIND[box.kind],
+            "track_id": box.id,
         }
-        for k in range(len(found))
+        for box in run.boxes_upright(index).moving
     ]
 
 

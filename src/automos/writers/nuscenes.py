@@ -12,38 +12,31 @@ import numpy as np
 
 from automos.core.atomic import write_text
 from automos.core.claims import SIGN
-from automos.core.geometry import inverse, transform
+from automos.core.geometry import inverse, quaternion_of, transform
 from automos.results.run_files import RunFiles
-from automos.results.tracks_file import VERDICTS
 from automos.writers.formats import Export
 
 
 def write(run: RunFiles, out: Path) -> None:
     """Write the JSON file `out`; `tracking_name` is moving, static or unknown, the score its confidence."""
-    from scipy.spatial.transform import Rotation
-
     T_world_level = inverse(run.T_level_world)
-    R_world_level = Rotation.from_matrix(T_world_level[:3, :3])
     results: dict[str, list[dict[str, object]]] = {}
     for index in run.each("writing tracks"):
         found = run.boxes_level(index)
         translation = transform(T_world_level, found.boxes.center).round(4)
-        about_z = np.zeros((len(found), 3))
-        about_z[:, 2] = found.boxes.yaw
-        turned = (R_world_level * Rotation.from_rotvec(about_z)).as_quat(canonical=True) if len(found) else about_z
         velocity = (found.velocity @ T_world_level[:3, :3].T).round(4)
         results[run.names[index]] = [
             {
                 "sample_token": run.names[index],
                 "translation": translation[k].tolist(),
-                "size": found.boxes.size[k, [1, 0, 2]].round(4).tolist(),
-                "rotation": np.roll(turned[k], 1).round(9).tolist(),
+                "size": box.size[[1, 0, 2]].round(4).tolist(),
+                "rotation": np.roll(quaternion_of(T_world_level @ box.pose), 1).round(9).tolist(),
                 "velocity": velocity[k, :2].tolist(),
-                "tracking_id": str(found.ids[k]),
-                "tracking_name": VERDICTS[found.verdict[k]],
-                "tracking_score": round(float(found.boxes.score[k]), 4),
+                "tracking_id": str(box.id),
+                "tracking_name": box.verdict,
+                "tracking_score": round(box.score, 4),
             }
-            for k in range(len(found))
+            for k, box in enumerate(found)
         ]
     uses = {f"use_{sensor}": sensor == "lidar" for sensor in ("camera", "lidar", "radar", "map", "external")}
     out.parent.mkdir(parents=True, exist_ok=True)

@@ -1,98 +1,107 @@
 """A data set in nuScenes' tables: v1.0-automos/*.json, the sweeps, and a class for every point (lidarseg).
 
 The world is the level frame: z up, the ground under the first scan at 0. The sensor is the vehicle. Every scan is a
-sample. Boxes are of what moves, and kinds go by size.
+sample. Boxes are of what moves. Tables have what TIER IV's T4 asks for beside, which the devkit leaves alone.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+from collections import defaultdict
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from automos.core.atomic import atomic_path, write_raw, write_text
+from automos.core.geometry import quaternion_of
 from automos.core.labels import Label
 from automos.core.scan import Pose
 from automos.results.run_files import RunFiles
 from automos.writers.formats import Export
-from automos.writers.kinds import Kinds, kinds_of_tracks
-from automos.writers.movers import only_moving
+from automos.writers.point_columns import intensity_of
 
-VERSION, CHANNEL = "v1.0-automos", "LIDAR_TOP"
-CATEGORIES = ("noise", "static.other", "vehicle.car", "human.pedestrian.adult", "vehicle.bicycle", "animal")
-"""By their index, in names that the devkit has colours for: no label, static, what `KINDS` names, moves on no track."""
+_CATEGORIES = (
+    "noise", "static.other",
+    "vehicle.car", "vehicle.truck", "vehicle.bicycle", "human.pedestrian.adult", "animal",
+)  # fmt: skip
+"""By their index, in names that the devkit has colours for: no label, static, what moves by its `Kind`."""
+_FIRST_KIND = 2
 _ATTRIBUTES = ("vehicle.moving", "pedestrian.moving", "cycle.with_rider")
-Table = list[dict[str, Any]]
+_ATTRIBUTE_OF_KIND = (0, 0, 2, 1, None)
+_LEVELS = {"full": "v80-100", "none": "v0-40"}
+Tables = dict[str, list[dict[str, Any]]]
 
 
-def write(run: RunFiles, out: Path) -> None:
+class Layout(NamedTuple):
+    """Where the parts lie below the root, and what the sensor and a log's day are called."""
+
+    tables: str
+    clouds: str
+    channel: str
+    day: str
+
+
+_NUSCENES = Layout("v1.0-automos", "samples/LIDAR_TOP", "LIDAR_TOP", "date_captured")
+
+
+def write(run: RunFiles, out: Path, layout: Layout = _NUSCENES) -> None:
     """Write the root of a data set to `out`, with one scene, named after the recording."""
-    for folder in (VERSION, f"samples/{CHANNEL}", f"lidarseg/{VERSION}", "maps"):
+    lidarseg = f"lidarseg/{layout.tables}"
+    for folder in (layout.tables, layout.clouds, lidarseg, "maps"):
         (out / folder).mkdir(parents=True, exist_ok=True)
     name = _Tokens(run.sequence.name)
-    tables = _fixed_tables(run, name)
-    kinds = kinds_of_tracks(run)
+    tables: Tables = defaultdict(list, _fixed_tables(run, name, layout))
     micro = np.round(1e6 * (run.stamps - min(0.0, float(run.stamps[0])))).astype(np.int64).tolist()
     for index in run.each("writing tables"):
-        file = f"samples/{CHANNEL}/{index:06d}.pcd.bin"
-        points, classes = _points(run, index, kinds)
-        write_raw(out / file, points)
-        labels = f"lidarseg/{VERSION}/{name('data', index)}_lidarseg.bin"
-        write_raw(out / labels, classes)
-        for table, row in _rows_of_scan(run, index, name, micro[index], file).items():
-            tables.setdefault(table, []).append(row)
-        tables.setdefault("lidarseg", []).append(
-            {"token": name("data", index), "sample_data_token": name("data", index), "filename": labels}
+        cloud, classes = f"{layout.clouds}/{index:06d}.pcd.bin", f"{lidarseg}/{name('data', index)}_lidarseg.bin"
+        for file, values in zip((cloud, classes), _points(run, index), strict=True):
+            write_raw(out / file, values)
+        for table, row in _rows_of_scan(run, index, name, micro[index], cloud).items():
+            tables[table].append(row)
+        tables["lidarseg"].append(
+            {"token": name("data", index), "sample_data_token": name("data", index), "filename": classes}
         )
-    tables |= _objects(run, name, kinds)
+        tables["sample_annotation"] += _boxes(run, index, name)
+    tables["instance"] = _chained(tables["sample_annotation"], name)
     with atomic_path(out / "maps" / "empty.png") as temporary:
         _draw_nothing(temporary)
     for table, rows in tables.items():
-        write_text(out / VERSION / f"{table}.json", json.dumps(rows, indent=0))
+        write_text(out / layout.tables / f"{table}.json", json.dumps(rows, indent=0))
 
 
 class _Tokens:
     """Tokens of 32 hexadecimal digits, the same whenever the same thing is named."""
 
     def __init__(self, recording: str):
-        self._recording = recording
+        self.recording = recording
 
     def __call__(self, *parts: object) -> str:
-        return hashlib.sha256(repr((self._recording, *parts)).encode()).hexdigest()[:32]
+        return hashlib.sha256(repr((self.recording, *parts)).encode()).hexdigest()[:32]
 
 
-def _fixed_tables(run: RunFiles, name: _Tokens) -> dict[str, Table]:
+def _fixed_tables(run: RunFiles, name: _Tokens, layout: Layout) -> Tables:
     """Return the tables that have a row or some, however long the recording is."""
     last = len(run) - 1
-    scene = {"token": name("scene"), "log_token": name("log"), "name": run.sequence.name, "nbr_samples": len(run)}
+    scene = {"token": name("scene"), "log_token": name("log"), "name": name.recording, "nbr_samples": len(run)}
     scene |= {"first_sample_token": name("sample", 0), "last_sample_token": name("sample", last)}
-    levels = {"1": "v0-40", "4": "v80-100"}
+    mount = {"token": name("mount"), "sensor_token": name("sensor"), **_pose(np.eye(4)), "camera_intrinsic": []}
+    log = {"token": name("log"), "logfile": name.recording, "vehicle": "", "location": ""}
+    chart = {"token": name("map"), "log_tokens": [name("log")], "category": "semantic_prior"}
     return {
         "category": [
             {"token": name("category", k), "name": category, "description": "", "index": k}
-            for k, category in enumerate(CATEGORIES)
+            for k, category in enumerate(_CATEGORIES)
         ],
         "attribute": [{"token": name("attribute", k), "name": a, "description": ""} for k, a in enumerate(_ATTRIBUTES)],
-        "visibility": [{"token": token, "level": level, "description": ""} for token, level in levels.items()],
-        "sensor": [{"token": name("sensor"), "channel": CHANNEL, "modality": "lidar"}],
-        "calibrated_sensor": [
-            {"token": name("mount"), "sensor_token": name("sensor"), **_pose(np.eye(4)), "camera_intrinsic": []}
-        ],
-        "log": [
-            {"token": name("log"), "logfile": run.sequence.name, "vehicle": "", "date_captured": "", "location": ""}
-        ],
+        "visibility": [{"token": token, "level": level, "description": ""} for token, level in _LEVELS.items()],
+        "sensor": [{"token": name("sensor"), "channel": layout.channel, "modality": "lidar"}],
+        "calibrated_sensor": [{**mount, "camera_distortion": []}],
+        "log": [{**log, layout.day: ""}],
         "scene": [{**scene, "description": "moving objects labelled by automos"}],
-        "map": [
-            {
-                "token": name("map"),
-                "log_tokens": [name("log")],
-                "category": "semantic_prior",
-                "filename": "maps/empty.png",
-            }
-        ],
+        "map": [{**chart, "filename": "maps/empty.png"}],
+        "sample_annotation": [],
     }
 
 
@@ -107,7 +116,7 @@ def _rows_of_scan(run: RunFiles, index: int, name: _Tokens, micro: int, file: st
             "ego_pose_token": name("pose", index),
             "calibrated_sensor_token": name("mount"),
             "timestamp": micro,
-            "fileformat": "pcd",
+            "fileformat": "pcd.bin",
             "is_key_frame": True,
             "height": 0,
             "width": 0,
@@ -123,67 +132,67 @@ def _chain(name: _Tokens, kind: str, index: int, count: int) -> dict[str, str]:
 
 
 def _pose(T: Pose) -> dict[str, list[float]]:
-    from scipy.spatial.transform import Rotation
-
-    quaternion = Rotation.from_matrix(T[:3, :3]).as_quat(canonical=True)
-    return {"translation": T[:3, 3].round(6).tolist(), "rotation": np.roll(quaternion, 1).round(9).tolist()}
+    return {"translation": T[:3, 3].round(6).tolist(), "rotation": np.roll(quaternion_of(T), 1).round(9).tolist()}
 
 
-def _points(run: RunFiles, index: int, kinds: Kinds) -> tuple[Any, Any]:
+def _points(run: RunFiles, index: int) -> tuple[Any, Any]:
     """Return (M, 5) float32 x, y, z, intensity, ring of the points of use, and (M,) uint8 their categories."""
     scan = run.scan(index)
-    nothing = np.zeros(len(scan), np.float32)
-    intensity = nothing if scan.intensity is None else np.nan_to_num(scan.intensity)
-    ring = nothing if scan.ring is None else scan.ring
-    rows = np.column_stack([run.points_at_pose(scan, index), intensity, ring]).astype(np.float32)
-    labels, tracks = run.labels(index, len(scan)), run.instances(index, len(scan))
-    moving = np.where(tracks > 0, kinds(tracks) + 2, len(CATEGORIES) - 1)
-    classes = np.select([labels == Label.MOVING, labels == Label.STATIC], [moving, 1], 0)
+    ring = np.zeros(len(scan)) if scan.ring is None else scan.ring
+    rows = np.column_stack([run.points_at_pose(scan, index), intensity_of(scan), ring]).astype(np.float32)
+    labels, kinds = run.labels(index, len(scan)), run.kinds(run.instances(index, len(scan)))
+    classes = np.select([labels == Label.MOVING, labels == Label.STATIC], [kinds + _FIRST_KIND, 1], 0)
     return rows[scan.is_valid], classes[scan.is_valid].astype(np.uint8)
 
 
-def _objects(run: RunFiles, name: _Tokens, kinds: Kinds) -> dict[str, Table]:
-    """Return the tables of what moves: a row for each object, and one for each of its boxes."""
-    seen: dict[int, Table] = {}
-    kind_of: dict[int, int] = {}
-    for index in range(len(run)):
-        found = only_moving(run.boxes_level(index))
-        if not len(found):
-            continue
-        counts = np.bincount(run.instances(index, len(run.scan(index))), minlength=int(found.ids.max()) + 1)
-        kind = kinds(found.ids)
-        for k, track in enumerate(found.ids.tolist()):
-            kind_of[track] = int(kind[k])
-            yaw = found.boxes.yaw[k]
-            turned = [float(np.cos(0.5 * yaw)), 0.0, 0.0, float(np.sin(0.5 * yaw))]
-            row = {
-                "token": name("box", track, index),
+def _boxes(run: RunFiles, index: int, name: _Tokens) -> list[dict[str, Any]]:
+    """Return the boxes of scan `index`, as far as it alone says."""
+    instances = run.instances(index, len(run.scan(index)))
+    found = []
+    for box in run.boxes_level(index).moving:
+        attribute = _ATTRIBUTE_OF_KIND[box.kind]
+        found.append(
+            {
+                "token": name("box", box.id, index),
                 "sample_token": name("sample", index),
-                "instance_token": name("object", track),
-                "visibility_token": "4" if found.observed[k] else "1",
-                "attribute_tokens": [name("attribute", kind_of[track])],
-                "translation": found.boxes.center[k].round(4).tolist(),
-                "size": found.boxes.size[k, [1, 0, 2]].round(4).tolist(),
-                "rotation": turned,
-                "num_lidar_pts": int(counts[track]),
+                "instance_token": name("object", box.id),
+                "category_token": name("category", box.kind + _FIRST_KIND),
+                "visibility_token": "full" if box.is_observed else "none",
+                "attribute_tokens": [] if attribute is None else [name("attribute", attribute)],
+                **_pose(box.pose),
+                "size": box.size[[1, 0, 2]].round(4).tolist(),
+                "velocity": box.velocity.round(4).tolist(),
+                "num_lidar_pts": int((instances == box.id).sum()),
                 "num_radar_pts": 0,
-                "prev": seen[track][-1]["token"] if track in seen else "",
+                "prev": "",
                 "next": "",
+                "automatic_annotation": True,
+                "autolabel_metadata": [{"name": "automos", "score": box.score, "uncertainty": None}],
             }
-            if track in seen:
-                seen[track][-1]["next"] = row["token"]
-            seen.setdefault(track, []).append(row)
-    instances = [
+        )
+    return found
+
+
+def _chained(boxes: list[dict[str, Any]], name: _Tokens) -> list[dict[str, Any]]:
+    """Return the objects of `boxes`, which are in the order of time; link the boxes of each."""
+    objects: dict[str, list[dict[str, Any]]] = defaultdict(list)
+    categories = {box["instance_token"]: box.pop("category_token") for box in boxes}
+    for box in boxes:
+        earlier = objects[box["instance_token"]]
+        if earlier:
+            earlier[-1]["next"], box["prev"] = box["token"], earlier[-1]["token"]
+        earlier.append(box)
+    return [
         {
-            "token": name("object", track),
-            "category_token": name("category", kind_of[track] + 2),
+            "token": token,
+            "category_token": categories[token],
+            "instance_name": f"{name.recording}::{token}",
             "nbr_annotations": len(rows),
             "first_annotation_token": rows[0]["token"],
             "last_annotation_token": rows[-1]["token"],
         }
-        for track, rows in seen.items()
+        for token, rows in objects.items()
     ]
-    return {"instance": instances, "sample_annotation": [row for rows in seen.values() for row in rows]}
 
 
 def _draw_nothing(path: Path) -> None:

@@ -22,19 +22,17 @@ def write(run: RunFiles, out: Path) -> None:
     tracks = run.tracks
     seen: dict[int, list[int]] = {track: [] for track in tracks}
     for index in run.each("writing objects"):
-        found = run.boxes_level(index)
         objects = {}
-        for k in range(len(found)):
-            box, yaw = found.boxes, found.boxes.yaw[k]
-            values = [*box.center[k], 0.0, 0.0, np.sin(0.5 * yaw), np.cos(0.5 * yaw), *box.size[k]]
+        for box in run.boxes_level(index):
+            values = [*box.center, 0.0, 0.0, np.sin(0.5 * box.yaw), np.cos(0.5 * box.yaw), *box.size]
             cuboid = {
                 "name": "box",
                 "coordinate_system": _WORLD,
                 "val": [round(float(value), 6) for value in values],
-                "attributes": {"boolean": [{"name": "observed", "val": bool(found.observed[k])}]},
+                "attributes": {"boolean": [{"name": "observed", "val": box.is_observed}]},
             }
-            objects[str(found.ids[k])] = {"object_data": {"cuboid": [cuboid]}}
-            seen[int(found.ids[k])].append(index)
+            objects[str(box.id)] = {"object_data": {"cuboid": [cuboid]}}
+            seen[box.id].append(index)
         T = run.T_level_sensor(index)
         transforms = {
             f"{_SENSOR}_to_{_WORLD}": {

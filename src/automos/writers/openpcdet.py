@@ -9,25 +9,22 @@ from pathlib import Path
 
 from automos.core.atomic import write_npy, write_text
 from automos.results.run_files import RunFiles
+from automos.writers.detector_sets import CLASS_OF_KIND, CLASSES, split_of
 from automos.writers.formats import Export
-from automos.writers.kinds import KINDS, kinds_of_tracks
-from automos.writers.movers import only_moving, split_of, upright_points
+from automos.writers.point_columns import upright_points
 
 
 def write(run: RunFiles, out: Path) -> None:
     """Write the folder `out`; a line of labels is: centre x y z, length, width, height, heading, kind."""
     for folder in ("points", "labels", "ImageSets"):
         (out / folder).mkdir(parents=True, exist_ok=True)
-    kinds, listed = kinds_of_tracks(run), []
+    listed = []
     for index in run.each("writing boxes"):
-        found = only_moving(run.boxes_upright(index))
-        if not len(found):
+        moving, name = run.boxes_upright(index).moving, f"{index:06d}"
+        if not moving:
             continue
-        name, boxes = f"{index:06d}", found.boxes
-        lines = [
-            " ".join(f"{value:.4f}" for value in (*boxes.center[k], *boxes.size[k], boxes.yaw[k])) + f" {KINDS[kind]}\n"
-            for k, kind in enumerate(kinds(found.ids))
-        ]
+        numbers = [" ".join(f"{value:.4f}" for value in (*box.center, *box.size, box.yaw)) for box in moving]
+        lines = [f"{row} {CLASSES[CLASS_OF_KIND[box.kind]]}\n" for row, box in zip(numbers, moving, strict=True)]
         write_npy(out / "points" / f"{name}.npy", upright_points(run, index))
         write_text(out / "labels" / f"{name}.txt", "".join(lines))
         listed.append(name)

@@ -19,10 +19,10 @@ from automos.readers.formats import import_extra
 from automos.results.run_files import RunFiles
 from automos.writers.flow import scan_flow, timestamps
 from automos.writers.formats import Export
-from automos.writers.kinds import Kinds, kinds_of_tracks
+from automos.writers.point_columns import intensity_of
 
-CATEGORIES = (19, 17, 4)
-"""Argoverse 2's numbers of what `KINDS` names: regular vehicle, pedestrian, bicyclist; 0 is none."""
+CATEGORIES = np.array([19, 11, 4, 17, 19], np.uint8)
+"""Argoverse 2's numbers of each `Kind`: regular and large vehicle, bicyclist, pedestrian; 0 is none."""
 
 
 def write(run: RunFiles, out: Path) -> None:
@@ -33,11 +33,10 @@ def write(run: RunFiles, out: Path) -> None:
     # its loader finds a recording's last scan by comparing these as text: 1 s comes after 0.9 s
     width = max(map(len, stamps))
     stamps = [stamp.zfill(width) for stamp in stamps]
-    kinds = kinds_of_tracks(run)
     # Through Python's file: where the disk is full, HDF5's own ends the process.
     with atomic_path(out / f"{name}.h5") as temporary, temporary.open("w+b") as raw, h5py.File(raw, "w") as file:
         for index in run.each("writing flow"):
-            for key, values in _group(run, index, kinds).items():
+            for key, values in _group(run, index).items():
                 file.create_dataset(f"{stamps[index]}/{key}", data=values)
     rows = [[name, stamp] for stamp in stamps]
     for index_file, listed in (("index_total.pkl", rows), ("index_flow.pkl", rows[:-1])):
@@ -45,15 +44,14 @@ def write(run: RunFiles, out: Path) -> None:
             pickle.dump(listed, file)
 
 
-def _group(run: RunFiles, index: int, kinds: Kinds) -> dict[str, np.ndarray]:
+def _group(run: RunFiles, index: int) -> dict[str, np.ndarray]:
     """Return the arrays of scan `index`, of its points of use only: trainers sort whatever is there into voxels."""
     scan = run.scan(index)
-    intensity = np.zeros(len(scan), np.float32) if scan.intensity is None else scan.intensity
     is_moving, instances = run.labels(index, len(scan)) == Label.MOVING, run.instances(index, len(scan))
     _, clusters = np.unique(np.append(0, np.where(is_moving, instances, 0)), return_inverse=True)
     T_world_sensor = inverse(run.T_world_sensor[0]) @ run.T_world_sensor[index]
     group = {
-        "lidar": np.column_stack([run.points_at_pose(scan, index), np.nan_to_num(intensity)]).astype(np.float32),
+        "lidar": np.column_stack([run.points_at_pose(scan, index), intensity_of(scan)]).astype(np.float32),
         "ground_mask": run.is_ground(scan, index),
         "dufo": is_moving.astype(np.uint8),
         "dufocluster": clusters[1:].astype(np.int16),
@@ -62,12 +60,12 @@ def _group(run: RunFiles, index: int, kinds: Kinds) -> dict[str, np.ndarray]:
     }
     of_scan = {"pose": T_world_sensor.astype(np.float32)}
     if index + 1 < len(run):
-        found, categories = scan_flow(run, index), np.array(CATEGORIES, np.uint8)
+        found = scan_flow(run, index)
         of_scan["ego_motion"] = found.T_next_this.astype(np.float32)
         group |= {
             "flow": found.flow,
             "flow_is_valid": found.is_known,
-            "flow_category_indices": np.where(found.instances > 0, categories[kinds(found.instances)], np.uint8(0)),
+            "flow_category_indices": np.where(found.instances > 0, CATEGORIES[run.kinds(found.instances)], np.uint8(0)),
             # 15 bits are all there is: ids beyond wrap, but never to 0, which means "no instance", or below.
             "flow_instance_id": np.where(found.instances > 0, (found.instances - 1) % 0x7FFF + 1, 0).astype(np.int16),
         }

@@ -1,41 +1,34 @@
-"""Point Cloud Library files, binary, one per scan."""
+"""Point Cloud Library files, binary."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
-from automos.core.atomic import atomic_path
+from automos.core.atomic import write_bytes
+from automos.core.geometry import quaternion_of
 from automos.core.scan import Pose
-from automos.results.run_files import RunFiles
-from automos.writers.formats import Export
-from automos.writers.point_columns import packed_rows, point_columns
+from automos.readers.columns import Columns
+from automos.readers.point_cloud2 import packed_rows
 
 
-def write(run: RunFiles, out: Path) -> None:
-    """Write every scan as `out / <name>.pcd` with the columns of `point_columns`."""
-    out.mkdir(parents=True, exist_ok=True)
-    for index in run.each("writing .pcd"):
-        write_pcd(out / f"{run.names[index]}.pcd", point_columns(run, index))
-
-
-def write_pcd(path: Path, columns: dict[str, npt.NDArray], T_world_sensor: Pose | None = None) -> None:
+def write_pcd(path: Path, columns: Columns, T_world_sensor: Pose | None = None) -> None:
     """Write `columns`, each (N,), as one binary PCD file, whole or not at all; `T_world_sensor` as its VIEWPOINT."""
+    write_bytes(path, pcd_bytes(columns, T_world_sensor))
+
+
+def pcd_bytes(columns: Columns, T_world_sensor: Pose | None = None) -> bytes:
+    """Return what is in that file."""
     rows = packed_rows(columns)
-    with atomic_path(path) as temporary, temporary.open("wb") as file:
-        file.write(pcd_header({name: rows.dtype[name] for name in columns}, len(rows), T_world_sensor))
-        file.write(rows.tobytes())
+    return pcd_header({name: rows.dtype[name] for name in columns}, len(rows), T_world_sensor) + rows.tobytes()
 
 
 def pcd_header(kinds: dict[str, np.dtype], n_points: int, T_world_sensor: Pose | None = None) -> bytes:
     """Return the header of a binary PCD file of columns of some `kinds`."""
     viewpoint = "0 0 0 1 0 0 0"
     if T_world_sensor is not None:
-        from scipy.spatial.transform import Rotation
-
-        x, y, z, w = Rotation.from_matrix(T_world_sensor[:3, :3]).as_quat(canonical=True)
+        x, y, z, w = quaternion_of(T_world_sensor)
         # In plain digits: a reader of others takes no exponent with a plus sign.
         viewpoint = " ".join(f"{value:.9f}" for value in (*T_world_sensor[:3, 3], w, x, y, z))
     return (
@@ -46,11 +39,3 @@ def pcd_header(kinds: dict[str, np.dtype], n_points: int, T_world_sensor: Pose |
         f"COUNT {' '.join('1' for _ in kinds)}\n"
         f"WIDTH {n_points}\nHEIGHT 1\nVIEWPOINT {viewpoint}\nPOINTS {n_points}\nDATA binary\n"
     ).encode()
-
-
-EXPORT = Export(
-    writes="folder of .pcd: x y z intensity time ring label instance",
-    write=write,
-    is_of_points=True,
-    per_scan=("*.pcd",),
-)

@@ -6,10 +6,11 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.scan import Mask, Points, Scan
+from automos.readers.columns import Columns
 from automos.results.run_files import RunFiles
 
 
-def point_columns(run: RunFiles, index: int) -> dict[str, npt.NDArray]:
+def point_columns(run: RunFiles, index: int) -> Columns:
     """Return the (N,) columns of scan `index`, points as the recording has them, or as seen from the scan's pose.
 
     x, y, z (float32, metres, sensor frame), intensity (float32), time (float32, seconds) and ring (uint16) where the
@@ -25,14 +26,14 @@ def point_columns(run: RunFiles, index: int) -> dict[str, npt.NDArray]:
         rows = run.rows_of(scan, index)
         return {name: column[rows] for name, column in columns.items()}
     return columns | {
-        "label": run.labels(index, len(scan)),
+        "label": run.labels(index, len(scan)).astype(np.uint16),
         "instance": run.instances(index, len(scan)).astype(np.uint32),
     }
 
 
-def scan_columns(scan: Scan, points: Points) -> dict[str, npt.NDArray]:
+def scan_columns(scan: Scan, points: Points) -> Columns:
     """Return x, y, z of `points` and what else `scan` has, each (N,)."""
-    columns: dict[str, npt.NDArray] = {axis: points[:, k] for k, axis in enumerate("xyz")}
+    columns: Columns = {axis: points[:, k] for k, axis in enumerate("xyz")}
     for name in ("intensity", "time", "ring"):
         column = getattr(scan, name)
         if column is not None:
@@ -40,16 +41,18 @@ def scan_columns(scan: Scan, points: Points) -> dict[str, npt.NDArray]:
     return columns
 
 
-def seen_columns(scan: Scan, points: Points) -> tuple[dict[str, npt.NDArray], Mask]:
+def intensity_of(scan: Scan) -> npt.NDArray[np.float32]:
+    """Return (N,) float32, 0 where the recording has none."""
+    return np.zeros(len(scan), np.float32) if scan.intensity is None else np.nan_to_num(scan.intensity)
+
+
+def upright_points(run: RunFiles, index: int) -> Points:
+    """Return (M, 4) float32, the points of use of scan `index` in its upright frame, and their intensity."""
+    scan = run.scan(index)
+    return np.column_stack([run.points_upright(scan, index), intensity_of(scan)])[scan.is_valid].astype(np.float32)
+
+
+def seen_columns(scan: Scan, points: Points) -> tuple[Columns, Mask]:
     """Return what `scan_columns` does of the points that are finite, as tools show no others, and which are (N,)."""
     is_finite = np.asarray(np.isfinite(points).all(axis=1))
     return {name: column[is_finite] for name, column in scan_columns(scan, points).items()}, is_finite
-
-
-def packed_rows(columns: dict[str, npt.NDArray]) -> npt.NDArray:
-    """Return (N,) structured rows of little-endian columns, without gaps."""
-    dtype = np.dtype([(name, column.dtype.newbyteorder("<")) for name, column in columns.items()])
-    rows = np.empty(len(columns["x"]), dtype)
-    for name, column in columns.items():
-        rows[name] = column
-    return rows

@@ -58,10 +58,10 @@ def compare(found: ScanBoxes, edited: EditedScan) -> list[Change]:
 def relabel(
     points: Points,
     is_valid: npt.NDArray[np.bool_],
-    labels: npt.NDArray[np.uint16],
+    labels: npt.NDArray[np.uint8],
     instances: npt.NDArray[np.int64],
     changes: list[Change],
-) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.int64]]:
+) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.int64]]:
     """Return the labels and instances of a scan after `changes`.
 
     Parameters

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from automos.core.atomic import atomic_path, write_text
+from automos.core.geometry import quaternion_of
 from automos.core.labels import Label
 from automos.core.scan import Mask, Pose
 from automos.results.run_files import RunFiles
@@ -60,28 +61,24 @@ def write(run: RunFiles, out: Path) -> None:
 
 
 def _ego_pose(T: Pose) -> dict[str, Any]:
-    from scipy.spatial.transform import Rotation
-
-    quaternion = Rotation.from_matrix(T[:3, :3]).as_quat(canonical=True)
-    heading = {f"q{part}": round(float(value), 9) for part, value in zip("xyzw", quaternion, strict=True)}
+    heading = {f"q{part}": round(float(value), 9) for part, value in zip("xyzw", quaternion_of(T), strict=True)}
     return {"position": xyz(T[:3, 3]), "heading": heading}
 
 
 def _cuboids(run: RunFiles, index: int) -> list[dict[str, Any]]:
-    found = run.boxes_level(index)
     return [
         {
-            "id": int(found.ids[k]),
-            "category_id": CATEGORIES[VERDICTS[found.verdict[k]]],
+            "id": box.id,
+            "category_id": CATEGORIES[box.verdict],
             "type": "cuboid",
-            "position": xyz(found.boxes.center[k]),
-            "dimensions": xyz(found.boxes.size[k]),
-            "yaw": round(float(found.boxes.yaw[k]), 6),
+            "position": xyz(box.center),
+            "dimensions": xyz(box.size),
+            "yaw": round(box.yaw, 6),
             "is_keyframe": True,
-            "track_id": int(found.ids[k]),
+            "track_id": box.id,
             "index": index,
         }
-        for k in range(len(found))
+        for box in run.boxes_level(index)
     ]
 
 

@@ -10,8 +10,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from automos.core.atomic import write_text
 from automos.results.run_files import RunFiles
 from automos.writers.formats import Export
@@ -53,19 +51,18 @@ def write(run: RunFiles, out: Path) -> None:
 
 
 def _figures(run: RunFiles, index: int) -> list[dict[str, Any]]:
-    found = run.boxes_upright(index)
     return [
         {
-            "key": _key(run, int(found.ids[k]), index),
-            "objectKey": _key(run, int(found.ids[k])),
+            "key": _key(run, box.id, index),
+            "objectKey": _key(run, box.id),
             "geometryType": "cuboid_3d",
             "geometry": {
-                "position": xyz(found.boxes.center[k]),
-                "rotation": xyz(np.array([0.0, 0.0, found.boxes.yaw[k]])),
-                "dimensions": xyz(found.boxes.size[k]),
+                "position": xyz(box.center),
+                "rotation": xyz((0.0, 0.0, box.yaw)),
+                "dimensions": xyz(box.size),
             },
         }
-        for k in range(len(found))
+        for box in run.boxes_upright(index)
     ]
 
 

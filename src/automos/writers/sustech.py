@@ -9,10 +9,10 @@ import json
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from automos.core.atomic import write_text
 from automos.results.run_files import RunFiles
-from automos.results.tracks_file import VERDICTS
 from automos.writers.formats import Export
 from automos.writers.pcd import write_pcd
 from automos.writers.point_columns import seen_columns
@@ -25,25 +25,24 @@ def write(run: RunFiles, out: Path) -> None:
     for index in run.each("writing scene"):
         name, scan = run.names[index], run.scan(index)
         write_pcd(out / "lidar" / f"{name}.pcd", seen_columns(scan, run.points_upright(scan, index))[0])
-        found = run.boxes_upright(index)
         boxes = [
             {
                 "psr": {
-                    "position": xyz(found.boxes.center[k]),
-                    "scale": xyz(found.boxes.size[k]),
-                    "rotation": xyz(np.array([0.0, 0.0, found.boxes.yaw[k]])),
+                    "position": xyz(box.center),
+                    "scale": xyz(box.size),
+                    "rotation": xyz((0.0, 0.0, box.yaw)),
                 },
-                "obj_type": VERDICTS[found.verdict[k]].capitalize(),
-                "obj_id": str(found.ids[k]),
+                "obj_type": box.verdict.capitalize(),
+                "obj_id": str(box.id),
             }
-            for k in range(len(found))
+            for box in run.boxes_upright(index)
         ]
         write_text(out / "label" / f"{name}.json", json.dumps(boxes))
 
 
-def xyz(values: np.ndarray) -> dict[str, float]:
+def xyz(values: npt.ArrayLike) -> dict[str, float]:
     """Return three numbers by their axes' names."""
-    return {axis: round(float(value), 6) for axis, value in zip("xyz", values, strict=True)}
+    return {axis: round(float(value), 6) for axis, value in zip("xyz", np.asarray(values), strict=True)}
 
 
 EXPORT = Export(

@@ -15,7 +15,7 @@ from automos.core.labels import Label
 from automos.core.scan import Sequence
 from automos.core.workspace import Workspace
 from automos.odometry.trajectory import SequenceFrames, Trajectory
-from automos.pipeline import label, stage_keys
+from automos.pipeline import find_labels, stage_keys
 from automos.settings import PRESETS, Settings
 
 TITLES = {name: method.title for name, method in BASELINES.items()} | {
@@ -75,6 +75,6 @@ def _label_by_pipeline(
     workspace = Workspace(scratch)
     # The pipeline takes poses that are there already for its own.
     workspace.stage("odometry", stage_keys(sequence, settings)["odometry"]).save("all", trajectory.to_arrays())
-    result = label(sequence, settings, workspace=workspace, workers=workers)
+    result = find_labels(sequence, settings, workspace=workspace, workers=workers)
     for i in range(len(sequence)):
         yield i, result.labels(i)

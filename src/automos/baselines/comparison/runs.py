@@ -34,7 +34,7 @@ from automos.core.run import Progress
 from automos.core.scan import Pose, Sequence
 from automos.core.working_folder import starting_processes
 from automos.core.workspace import Workspace, fingerprint
-from automos.evaluation.report import find_predictions
+from automos.evaluation.predictions import find_predictions
 from automos.odometry.estimate import estimate_trajectory
 from automos.odometry.trajectory import SequenceFrames, Trajectory
 from automos.pipeline import stage_keys

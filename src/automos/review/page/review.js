@@ -13,8 +13,9 @@
     sceneNow: () => view.scene, onOutline: (box) => view.outline(box), onDone: splitBy,
     onHint: (text) => { byId("above-hint").textContent = text || "all moments, pale to dark"; },
   });
+  const history = makeHistory(byId("undo"));
   const now = { run: null, current: null, mode: "object", scan: 0 }; // the overview; what is open; what is shown; the scan in sight
-  const missed = makeMissed(now, { view, tell, doing, watch, refresh, setMode, setSlider, play, open, openAfter, drawProgress, fact, forgetScenes: () => scenes.clear() });
+  const missed = makeMissed(now, { view, tell, loading: frame.loading, history, takeBack, undo, isMoving: (item) => item && list.verdictOf(item) === "moving", doing, watch, refresh, setMode, setSlider, play, open, openAfter, drawProgress, fact, forgetScenes: () => scenes.clear() });
   let joining = null;
   let unsaved = ""; // what is told, whatever else there is to tell, while decisions could not be saved
 
@@ -39,15 +40,12 @@
 
   function drawProgress() {
     const left = now.run.items.filter((item) => !item.decided);
-    const done = now.run.doubtful ? 1 - left.reduce((sum, item) => sum + item.doubtful, 0) / now.run.doubtful : 1;
+    const done = now.run.doubtful ? Math.max(1 - left.reduce((sum, item) => sum + item.doubtful, 0) / now.run.doubtful, 0) : 1;
     byId("progress").style.width = `${100 * done}%`;
     byId("progress-text").textContent = `${Look.percent(done, 0)} of the doubtful points`;
     const undecided = left.filter((item) => item.core).length;
-    const rest = left.filter((item) => isObject(item) && !item.core);
-    const what = `${now.run.enough === 1 ? "This one holds" : `The first ${Look.count(now.run.enough)} hold`} 95 % of the doubtful points`;
-    byId("enough-text").textContent = !now.run.enough ? "Nothing is doubtful." : undecided ? `${what}; ${Look.count(undecided)} left.` : `${what}, and you decided on all: that is enough.`;
-    byId("rest").hidden = !rest.length;
-    byId("rest").textContent = `The other ${Look.count(rest.length)}: right as found`;
+    const what = `${now.run.enough === 1 ? "One entry holds" : `${Look.count(now.run.enough)} entries hold`} four fifths of the doubtful points`;
+    byId("enough-text").textContent = !now.run.enough ? "Nothing is doubtful: all objects are sure." : undecided ? `${what}; ${Look.count(undecided)} left.` : `${what}, and you decided on all: that is enough.`;
   }
 
   const step = (by) => {
@@ -60,14 +58,6 @@
     let next = list.next(item, 1);
     while (next && next.decided) next = list.next(next, 1);
     open(next || now.run.items.find((one) => !one.decided) || now.run.items[0]);
-  }
-
-  function acceptRest() {
-    const rest = now.run.items.filter((item) => isObject(item) && !item.decided && !item.core);
-    for (const item of rest) item.decided = item.verdict;
-    send({ tracks: rest.map((item) => item.id), verdict: "found" });
-    list.draw();
-    drawProgress();
   }
 
   // -------------------------------------------------------------------------------------------------- one object
@@ -89,6 +79,7 @@
     list.choose(item);
     if (!isObject(item)) return missed.propose({ place: item.place }, item);
     drawFacts();
+    frame.loading(`loading object ${item.id}, its points in ${Math.min(item.seen, 28)} scans …`);
     try {
       const loaded = await load(item);
       if (now.current !== item || now.mode !== "object") return;
@@ -101,6 +92,8 @@
       if (next && isObject(next)) load(next);
     } catch (error) {
       tell(error.message, true);
+    } finally {
+      if (now.current === item) frame.loading("");
     }
   }
 
@@ -139,6 +132,8 @@
     if (!view.scene || now.mode !== "object") return; // nobody decides on what is not drawn yet
     const item = now.current;
     const isTakenBack = item.made && verdict === "undo";
+    const before = item.made ? item.verdict : item.decided || "undo";
+    if (!isTakenBack) history.add(`object ${item.id}: ${Look.word(verdict)}`, () => decideAgain(item.id, before));
     item.decided = verdict === "undo" ? null : verdict;
     if (item.made) item.verdict = verdict;
     drawFacts();
@@ -148,6 +143,30 @@
     if (isTakenBack) { scenes.clear(); sent.then(() => refresh()).then(() => open(next || now.run.items[0]), () => {}); return; }
     if (verdict !== "undo" && next) open(next);
     else { list.draw(); view.paint(list.verdictOf(item)); }
+  }
+
+  /* Say of an object what was said of it before, and go to it. */
+  async function decideAgain(id, verdict) {
+    await send({ tracks: [id], verdict });
+    await refresh(id);
+    const item = now.run.items.find((one) => one.id === id);
+    if (item) open(item);
+  }
+
+  /* Take back objects made by hand. */
+  async function takeBack(ids) {
+    scenes.clear();
+    await send({ tracks: ids, verdict: "undo" });
+    await refresh();
+    if (now.mode === "place") return missed.goToScan(now.scan);
+    open(now.current || now.run.items[0]);
+  }
+
+  function undo() {
+    return doing("taking it back …", async () => {
+      const what = await history.undo();
+      tell(what ? `taken back: ${what} ✓` : "there is nothing to take back");
+    });
   }
 
   function send(decision) {
@@ -175,10 +194,15 @@
         const status = await ask("api/status");
         if (outbox.length) return; // what becomes of it is told when that is known
         if (status.problem) return tell(status.problem, true);
+        drawGain(status.iou);
         tell("saved ✓", false, status.waiting ? "in the log; labels are being written" : "in the log and in the labels");
         if (status.waiting) watch();
       } catch (error) { tell(error.message, true); }
     }, 150);
+  }
+
+  function drawGain(iou) {
+    if (iou) byId("gain").textContent = iou.now === iou.found ? `IoU ${Look.percent(iou.found)}` : `IoU ${Look.percent(iou.found)} → ${Look.percent(iou.now)}`;
   }
 
   function tell(text, isProblem = false, title = "") {
@@ -202,10 +226,12 @@
 
   // ------------------------------------------------------------------------------------- cutting, splitting, joining
   function reshape(text, path, body) {
+    const wasMade = now.run.items.some((item) => item.made && [body.track, ...(body.tracks || [])].includes(item.id)); // it is gone for good
     return doing(text, async () => {
       const made = await ask(path, body);
       scenes.clear();
       const id = made.id ?? made.ids[0];
+      if (!wasMade) history.add(text.replace(" …", ""), () => takeBack(made.ids ?? [made.id]));
       await refresh(id);
       watch();
       open(now.run.items.find((item) => item.id === id));
@@ -266,11 +292,21 @@
       const found = await ask("api/pictures");
       list.showPictures(found.pictures);
       if (!found.ready) fetching = setTimeout(fetchPictures, 1200);
+      else drawGain((await ask("api/status")).iou);
     } catch { /* a list without pictures is a list */ }
   }
 
+  const HELP = [
+    ["M S U", "moving, static, unsure"], ["Z", "as found; an object made by hand is removed"], ["⌫", "take back what was done last, then what was done before it"],
+    ["↓ ↑", "next, previous in the list"], ["← →", "moment by moment, or scan by scan"], ["space", "play"], ["A R", "all moments in 3D; reset the view"],
+    ["C X J", "cut here; split by a box; join with the next on which J is pressed"], ["N", "one scan from above: click what was missed, or an object to open it"],
+    ["B", "there: draw a box once, and it is followed through time"], ["A", "there: add at a click"], ["[ ]", "of what is proposed: begins here, ends here"],
+    ["↵ Esc", "add it; no"], ["?", "these keys"],
+  ];
+  const help = () => frame.help(HELP);
+
   const clicks = {
-    finish, rest: acceptRest, cut, split, join, play: () => play(!view.isPlaying), ...missed.clicks,
+    finish, help, undo, cut, split, join, play: () => play(!view.isPlaying), ...missed.clicks,
   };
   const ready = (does) => () => { if (now.run) does(); };
   frame.onClicks(Object.fromEntries(Object.entries(clicks).map(([id, does]) => [id, ready(does)])));
@@ -284,7 +320,7 @@
   }
 
   const stepMoment = (by) => { if (now.mode === "place") return missed.goToScan(now.scan + by); play(false); view.step(by); };
-  const always = { ArrowRight: () => stepMoment(1), ArrowLeft: () => stepMoment(-1), ArrowDown: () => step(1), ArrowUp: () => step(-1), j: null };
+  const always = { ArrowRight: () => stepMoment(1), ArrowLeft: () => stepMoment(-1), ArrowDown: () => step(1), ArrowUp: () => step(-1), Backspace: undo, "?": help, j: null };
   const keys = {
     object: {
       m: () => decide("moving"), s: () => decide("static"), u: () => decide("unknown"), z: () => decide("undo"), n: missed.clicks.add, c: cut, x: split, j: join,
@@ -297,6 +333,7 @@
 
   ask("api/overview").then((overview) => {
     now.run = overview;
+    frame.loading("");
     byId("name").textContent = now.run.name;
     document.title = `${now.run.name} – AutoMOS review`;
     list.fill(now.run.items, null);
@@ -307,6 +344,6 @@
       if (now.run.sentences.length) over("Worth knowing", now.run.sentences.join("\n"));
       open(now.run.items.find((item) => !item.decided) || now.run.items[0]);
     }
-    ask("api/status").then((status) => { if (status.finishing) waitForFinishing(); });
-  }).catch((error) => tell(error.message, true));
+    ask("api/status").then((status) => { drawGain(status.iou); if (status.finishing) waitForFinishing(); });
+  }).catch((error) => { frame.loading(""); tell(error.message, true); });
 })();

@@ -28,7 +28,7 @@ function drawFromAbove(canvas, dots, scene, moment, verdict) {
   context.translate(...toPage(box[0], box[1]));
   context.rotate(-box[6]);
   context.lineWidth = 2;
-  context.strokeStyle = Look.colors[verdict];
+  context.strokeStyle = Look.colors.chosen;
   context.strokeRect((-box[3] * zoom) / 2, (-box[4] * zoom) / 2, box[3] * zoom, box[4] * zoom);
   context.restore();
   context.beginPath();

@@ -14,6 +14,19 @@ function makeFrame() {
       byId("saved").classList.toggle("problem", isProblem);
     },
 
+    /* Say over the pictures what the page is waiting for; nothing, once it is there. */
+    loading(text) {
+      byId("loading").textContent = text;
+      byId("loading").hidden = !text;
+    },
+
+    /* List keys and what they do: rows [keys, what]. */
+    help(rows) {
+      this.over("Keys", "");
+      byId("over-text").replaceChildren(Look.element("table", {}, ...rows.map(([keys, what]) => Look.element("tr", {},
+        Look.element("td", {}, ...keys.split(" ").map((key) => Look.element("kbd", {}, key))), Look.element("td", {}, what)))));
+    },
+
     /* Say something that has to be seen; while something is written (`isBusy`) there is no way back. */
     over(title, text, isBusy = false) {
       byId("over-title").textContent = title;

@@ -7,7 +7,7 @@ function makeList({ onOpen, isOnItsWay }) {
   const box = byId("queue"), space = byId("queue-space");
   const verdictOf = (item) => (item.place !== undefined ? "place" : item.decided || item.verdict);
   const filters = {
-    all: () => true, undecided: (item) => !item.decided, moving: (item) => verdictOf(item) === "moving",
+    "worth a look": (item) => item.core || item.decided || item.place !== undefined, all: () => true, moving: (item) => verdictOf(item) === "moving",
     static: (item) => verdictOf(item) === "static", unsure: (item) => verdictOf(item) === "unknown",
     places: (item) => item.place !== undefined,
   };
@@ -16,7 +16,7 @@ function makeList({ onOpen, isOnItsWay }) {
     "scans seen": (item) => -(item.seen ?? 0), "way moved": (item) => -(item.moved ?? 0), time: (item) => item.first ?? item.index,
     number: (item) => item.id ?? 1e9 + item.place,
   };
-  let items = [], shown = [], filter = "all", order = "doubtful points", current = null, pictures = {};
+  let items = [], shown = [], filter = "worth a look", order = "doubtful points", current = null, pictures = {};
 
   byId("sort").replaceChildren(...Object.keys(orders).map((name) => element("option", {}, name)));
   byId("sort").addEventListener("change", (event) => { order = event.target.value; event.target.blur(); draw(); reveal(); });

@@ -5,11 +5,11 @@
 function makeMissed(now, page) {
   const byId = (id) => document.getElementById(id);
   const { element } = Look;
-  const { view, tell, doing, watch, refresh, setMode, setSlider, play, open, fact } = page;
+  const { view, tell, loading, doing, watch, refresh, setMode, setSlider, play, open, fact, history } = page;
   const hint = (text) => { byId("place-hint").textContent = text || "click on it; drag to move, wheel to zoom"; };
-  const place = makePlace(byId("place"), { onPick: pick, onBox: boxDrawn, onHint: hint });
+  const place = makePlace(byId("place"), { onPick: pick, onBox: boxDrawn, onHint: hint, chosen: () => now.current?.id ?? null });
   let proposal = null, boxes = []; // what is proposed; boxes drawn for it
-  let isAtOnce = false, added = []; // whether a click adds without asking; ids of what was added here, oldest first
+  let isAtOnce = false; // whether a click adds without asking
 
   async function goToScan(index, at = null) {
     now.scan = Math.min(Math.max(index, 0), now.run.scans.length - 1);
@@ -18,6 +18,7 @@ function makeMissed(now, page) {
     setSlider(now.run.scans.length - 1, now.scan);
     byId("facts").replaceChildren(element("span", { class: "soft" }, boxes.length ? "draw the box again where it is now; between the two it goes straight" : "green moves already, grey stands; what moves and is not green was missed: click on it"));
     const wanted = now.scan;
+    loading(`loading scan ${now.run.scans[wanted]} …`);
     try {
       const found = await ask(`api/place?index=${now.scan}`);
       if (wanted !== now.scan || now.mode !== "place") return;
@@ -26,6 +27,7 @@ function makeMissed(now, page) {
       byId("moment-name").textContent = `scan ${found.scan} · ${found.time.toFixed(1)} s`;
       document.body.dataset.place = now.scan;
     } catch (error) { tell(error.message, true); }
+    if (wanted === now.scan) loading("");
   }
 
   function addHere() {
@@ -37,12 +39,15 @@ function makeMissed(now, page) {
 
   function pick([x, y], isShifted) {
     boxes = [];
+    const byId = new Map(now.run.items.map((item) => [item.id, item]));
+    const there = place.objectAt([x, y], (id) => page.isMoving(byId.get(id)));
+    if (there !== null && !isShifted) return open(byId.get(there)); // it moves already: the same object, in list and 3D
     place.mark([x, y]);
     if (isAtOnce !== isShifted) addAtOnce({ index: now.scan, x, y });
     else propose({ index: now.scan, x, y });
   }
 
-  /* Follow what was clicked on and add it, without showing it first; Z takes it back. */
+  /* Follow what was clicked on and add it, without showing it first; it can be taken back. */
   function addAtOnce(what) {
     const from_scan = now.scan;
     return doing("following it through time …", async () => {
@@ -56,22 +61,11 @@ function makeMissed(now, page) {
   async function showAdded(id, text) {
     boxes = [];
     page.forgetScenes();
-    added.push(id);
+    history.add(`object ${id}, added`, () => page.takeBack([id]));
     await refresh();
     tell(text);
     document.body.dataset.added = id;
     watch();
-  }
-
-  function takeBack() {
-    const id = added.pop();
-    if (id === undefined) return;
-    doing("taking it back …", async () => {
-      await ask("api/decide", { tracks: [id], verdict: "undo" });
-      await refresh();
-      tell(`object ${id} taken back ✓`);
-      goToScan(now.scan);
-    });
   }
 
   function setAtOnce(isOn) {
@@ -143,10 +137,10 @@ function makeMissed(now, page) {
     goToScan, propose,
     clicks: {
       add: addHere, accept, discard, back: discard, begins: () => limit("first"), ends: () => limit("last"),
-      box: anotherBox, "box-too": anotherBox, "at-once": () => setAtOnce(!isAtOnce), "take-back": takeBack,
+      box: anotherBox, "box-too": anotherBox, "at-once": () => setAtOnce(!isAtOnce),
     },
     keys: {
-      place: { b: anotherBox, a: () => setAtOnce(!isAtOnce), z: takeBack, Escape: () => (place.isDrawing ? place.drawBox(false) : discard()) },
+      place: { b: anotherBox, a: () => setAtOnce(!isAtOnce), z: page.undo, Escape: () => (place.isDrawing ? place.drawBox(false) : discard()) },
       proposal: { Enter: accept, "[": () => limit("first"), "]": () => limit("last"), Escape: discard, b: anotherBox, a: () => view.turnAll(), r: () => view.resetView(), " ": () => play(!view.isPlaying) },
     },
   };

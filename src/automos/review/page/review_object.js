@@ -36,7 +36,7 @@ function makeObjectView({ spaceCanvas, aboveCanvas, onMoment }) {
 
   function boxLines() {
     const out = [];
-    const color = rgb(bright[verdict]);
+    const color = rgb("#e58cff"); // of what is chosen, as in the list and from above, on black
     const push = (x, y, z, tint = color) => out.push(x, y, z, ...tint, 1);
     const [x, y, z, length, width, height, yaw] = scene.moments[moment].box;
     const corner = (a, b, c) => {

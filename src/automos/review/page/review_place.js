@@ -2,7 +2,7 @@
 /* One scan from above, to point at what was missed: a click picks, a drag moves the view, or draws a box.
 
 A box is drawn by dragging along its length, then pointing at how wide it is. Level frame, metres. */
-function makePlace(canvas, { onPick, onBox, onHint }) {
+function makePlace(canvas, { onPick, onBox, onHint, chosen = () => null }) {
   const COLORS = ["#e3e7ea", "#7d8790", "#0a9d3c", "#e0a02c"]; // ground, standing, moving, no label
   let scan = null, points = null, kinds = null, view = null, marks = [], isDrawing = false, line = null, corner = null;
   const fingers = new Map(), dots = makeDots(canvas);
@@ -31,6 +31,7 @@ function makePlace(canvas, { onPick, onBox, onHint }) {
       }
     }
     dots.put();
+    for (const [id, ...box] of scan.boxes || []) if (id === chosen()) outline(context, box, Look.colors.chosen, 3);
     const [sx, sy] = toPage(scan.origin);
     context.fillStyle = Look.colors.path;
     context.beginPath();
@@ -59,13 +60,15 @@ function makePlace(canvas, { onPick, onBox, onHint }) {
   }
 
   function drawBox(context) {
-    if (!line) return;
-    const [x, y, length, width, yaw] = boxOf();
+    if (line) outline(context, boxOf(), "#a626c9", 2);
+  }
+
+  function outline(context, [x, y, length, width, yaw], color, thick) {
     context.save();
     context.translate(...toPage([x, y]));
     context.rotate(-yaw);
-    context.strokeStyle = "#a626c9";
-    context.lineWidth = 2;
+    context.strokeStyle = color;
+    context.lineWidth = thick;
     context.strokeRect((-length * view.zoom) / 2, (-width * view.zoom) / 2, length * view.zoom, width * view.zoom);
     context.restore();
   }
@@ -129,6 +132,15 @@ function makePlace(canvas, { onPick, onBox, onHint }) {
   }
 
   return {
+    draw,
+    /* The object whose box holds a place, the smallest of several; null without one. */
+    objectAt([px, py], isWanted) {
+      const inside = (scan.boxes || []).filter(([id, x, y, length, width, yaw]) => {
+        const [dx, dy] = [px - x, py - y], [c, s] = [Math.cos(yaw), Math.sin(yaw)];
+        return isWanted(id) && Math.abs(c * dx + s * dy) <= length / 2 && Math.abs(c * dy - s * dx) <= width / 2;
+      });
+      return inside.sort((a, b) => a[3] * a[4] - b[3] * b[4])[0]?.[0] ?? null;
+    },
     show(packed, newMarks = []) {
       scan = packed;
       points = new Int16Array(Look.bytes(packed.points).buffer);

@@ -11,6 +11,7 @@ from automos.simulation.scenarios.campus import campus
 from automos.simulation.scenarios.canyon import avenue, canyon
 from automos.simulation.scenarios.city import city
 from automos.simulation.scenarios.country import country
+from automos.simulation.scenarios.everyday import kerbside, lights, outing
 from automos.simulation.scenarios.hills import hills
 from automos.simulation.scenarios.junction import junction
 from automos.simulation.scenarios.motorway import motorway, slowdown
@@ -32,7 +33,12 @@ _BUILDERS = (
     avenue,
     waiting,
     country,
+    lights,
+    kerbside,
+    outing,
 )
+LONG = ("lights", "kerbside", "outing")
+"""Those whose worlds are made for half a minute and longer: they are about objects, not points."""
 
 SCENARIOS: dict[str, Callable[[np.random.Generator, float], World]] = {build.__name__: build for build in _BUILDERS}
 """Builders by name: (random generator, seconds) to world."""

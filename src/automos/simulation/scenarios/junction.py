@@ -14,20 +14,26 @@ from automos.simulation.traffic.paths import Path
 from automos.simulation.world import Site, World
 
 SPEED = 10.0
+LIFE = road_users.Life(heavy=0.1, arrive=45.0, leave=60.0)
 EGO_ARM = 0
-"""The arm by which the ego comes in; it leaves by a left turn, on an arm long enough for the duration."""
+"""The arm by which the ego comes in."""
 
 
 def junction(rng: np.random.Generator, duration: float) -> World:
     """Return a junction the ego drives up to, waits at, and leaves by a left turn."""
-    crossing = make_crossing(rng, long_arm=3, length=SPEED * duration + 130.0, shift=36.0)
+    return cross(rng, duration, 3, 36.0, LIFE)
+
+
+def cross(rng: np.random.Generator, duration: float, leave_by: int, shift: float, life: road_users.Life) -> World:
+    """Return a junction that the ego leaves by an arm long enough for the duration; its lights are `shift` s ahead."""
+    crossing = make_crossing(rng, long_arm=leave_by, length=SPEED * duration + 130.0, shift=shift)
     site = make_site(rng, crossing)
-    way = crossing.way(EGO_ARM, 3)
+    way = crossing.way(EGO_ARM, leave_by)
     start = crossing.reaches[EGO_ARM] - crossing.stop - 55.0
     site.agents.append(Agent((vehicles.make_car(rng, "estate"),), way, start, SPEED, wander=0.05))
     site.signals.append(crossing.light(EGO_ARM, way))
-    populate(site, crossing, duration)
-    furnish(site, crossing)
+    populate(site, crossing, duration, life)
+    furnish(site, crossing, life)
     return site.finish(duration)
 
 
@@ -52,7 +58,7 @@ def make_site(rng: np.random.Generator, crossing: Crossing) -> Site:
     return Site(terrain, rng)
 
 
-def populate(site: Site, crossing: Crossing, duration: float) -> None:
+def populate(site: Site, crossing: Crossing, duration: float, life: road_users.Life = LIFE) -> None:
     """Bring in traffic on all arms in all directions, people who cross, cars that park and that leave."""
     rng = site.rng
     arms = range(len(crossing.headings))
@@ -62,7 +68,7 @@ def populate(site: Site, crossing: Crossing, duration: float) -> None:
         s, room = crossing.reaches[i] - crossing.stop - rng.uniform(2.0, 12.0), 0.0
         while s > 20.0:
             j = int(rng.choice([j for j in arms if j != i]))
-            parts, gaps = road_users.a_vehicle(rng, 0.1)
+            parts, gaps = road_users.a_vehicle(rng, life.heavy)
             is_queue = s > crossing.reaches[i] - crossing.stop - 40.0
             pace = min(SPEED, np.sqrt(2.0 * room))  # slow enough to stop behind whoever stands ahead
             agent = Agent(parts, ways[i, j], s, SPEED * rng.uniform(0.9, 1.2), 0.0 if is_queue else pace, gaps=gaps)
@@ -71,16 +77,16 @@ def populate(site: Site, crossing: Crossing, duration: float) -> None:
             s -= agent.front + agent.rear + room + 4.0 * (not is_queue)
         for t in np.arange(rng.uniform(0.0, 5.0), duration, 6.0):
             j = int(rng.choice([j for j in arms if j != i]))
-            parts, gaps = road_users.a_vehicle(rng, 0.1)
+            parts, gaps = road_users.a_vehicle(rng, life.heavy)
             site.agents.append(Agent(parts, ways[i, j], 22.0, SPEED, enter=float(t) + 0.1, gaps=gaps))
         out = crossing.arm(i).beside(-crossing.lane)
-        road_users.drive_and_park(site, out, SPEED, 2.9, (35.0, min(out.length, 140.0) - 15.0), 45.0)
-        road_users.pull_out(site, out, SPEED, 2.9, (28.0, out.length - 40.0), 60.0, duration)
+        road_users.drive_and_park(site, out, SPEED, 2.9, (35.0, min(out.length, 140.0) - 15.0), life.arrive)
+        road_users.pull_out(site, out, SPEED, 2.9, (28.0, out.length - 40.0), life.leave, duration)
         road_users.add_cyclists(site, ways[i, (i + 2) % len(arms)], 2, offset=-1.2)
-        _add_people(site, crossing, i)
+        _add_people(site, crossing, i, life)
 
 
-def _add_people(site: Site, crossing: Crossing, k: int) -> None:
+def _add_people(site: Site, crossing: Crossing, k: int, life: road_users.Life) -> None:
     rng = site.rng
     for path in (crossing.walk(k), crossing.walk(k).reversed()):
         kerb = 14.0 - 6.3
@@ -94,13 +100,12 @@ def _add_people(site: Site, crossing: Crossing, k: int) -> None:
                 0.1,
             )
     for side in (-1.0, 1.0):
-        road_users.add_walkers(
-            site, crossing.arm(k, side * 7.6, inner=14.0), max(4, int(crossing.reaches[k] / 22.0)), 0.8
-        )
+        pavement, n = crossing.arm(k, side * 7.6, inner=14.0), max(4, int(crossing.reaches[k] / 22.0))
+        road_users.add_walkers(site, pavement, n, 0.8, parties=life.parties)
         road_users.add_standers(site, crossing.arm(k, inner=15.0), side * 8.3, 1)
 
 
-def furnish(site: Site, crossing: Crossing) -> None:
+def furnish(site: Site, crossing: Crossing, life: road_users.Life = LIFE) -> None:
     """Set up houses, parked cars, trees, lamps and lights along all arms."""
     for k in range(len(crossing.headings)):
         arm = crossing.arm(k, inner=14.0)
@@ -109,7 +114,7 @@ def furnish(site: Site, crossing: Crossing) -> None:
             roadside.place_buildings(
                 site, arm, side, 36.0, (3, 7), widths=(15.0, 30.0), gap_chance=0.7, gaps=(5.0, 20.0)
             )
-            roadside.park_row(site, arm, side * 4.7, 0.65, start=12.0)
+            roadside.park_row(site, arm, side * 4.7, 0.65, start=12.0, vans=life.vans)
             planting.place_trees(site, arm, side * 7.0, (12.0, 26.0))
             roadside.place_lamps(site, arm, side, 6.3)
             roadside.place_clutter(site, arm, side, 9.0)

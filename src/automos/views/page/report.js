@@ -34,6 +34,8 @@
     put("lead", verdicts.moving
       ? `${Look.percent(share)} of its ${Look.short(points)} points move, on ${moving}. Every point of all ${Look.count(data.scans)} scans has a label: moving, static, or none where nothing could be said.`
       : `Nothing moves in its ${Look.short(points)} points. Every point of all ${Look.count(data.scans)} scans has a label.`);
+    byId("trust").className = data.trust.level;
+    put("trust", data.trust.sentence);
     const cards = [
       [Look.count(data.scans), "scans", data.has_clock ? `${Look.duration(lasts)}, ${Look.count(data.length)} m driven` : `${Look.count(data.length)} m driven`],
       [Look.percent(share, 2), "of all points move", `${Look.count(total[2])} points`],
@@ -111,6 +113,25 @@
     put("timings", element("div", { class: "bars" }, ...bars));
   }
 
+  /* What was found of the clock, the sweep and what is up, in words and as curves. */
+  function frames() {
+    const { timing, beams_raised_deg: raised, wall_thickness_m: wall } = data.run.odometry;
+    const steps = data.stamps.slice(1).map((t, i) => t - data.stamps[i]).sort((a, b) => a - b);
+    const [usual, most] = [steps[Math.floor(steps.length / 2)], steps.at(-1)];
+    const tilt = data.tilt.map((cosine) => (180 * Math.acos(cosine)) / Math.PI).sort((a, b) => a - b);
+    const rivals = Object.entries((timing || {}).worse_percent || {}).sort((a, b) => a[1] - b[1]);
+    const sentences = [
+      data.has_clock && steps.length ? `A scan takes ${usual.toFixed(3)} s; the longest step between two is ${most.toFixed(3)} s.` : "The recording has no clock: ten scans a second are assumed.",
+      timing && timing.chosen ? `Motion within a sweep: ${timing.chosen}${rivals.length ? `; the next best, ${rivals[0][0]}, fits ${rivals[0][1].toFixed(0)} % worse` : ""}.` : "",
+      tilt.length ? `The sensor stands ${tilt[Math.floor(tilt.length / 2)].toFixed(1)}° off the vertical in the middle, ${tilt.at(-1).toFixed(1)}° at most${raised ? `; its beams look ${Math.abs(raised).toFixed(2)}° ${raised > 0 ? "higher" : "lower"} than their files say` : ""}.` : "",
+      wall ? `Walls seen from many scans are ${(100 * wall).toFixed(1)} cm thick on the map: the smaller, the better the poses.` : "",
+    ].filter(Boolean);
+    put("frames-body", ...sentences.map((sentence) => element("p", {}, sentence)));
+    const curves = [{ name: "height of the sensor", color: "#8a4fd0", axis: (v) => `${+v.toPrecision(2)}`, figure: (v) => `${v.toFixed(2)} m`, values: data.height.map((z) => z - Math.min(...data.height)) }];
+    if (data.has_clock && data.scans > 1) curves.push({ name: "seconds to the next scan", color: "#b35c00", axis: (v) => `${+v.toPrecision(2)}`, figure: (v) => `${v.toFixed(3)} s`, values: data.stamps.map((t, i) => (i + 1 < data.scans ? data.stamps[i + 1] - t : null)) });
+    return makeCharts(byId("frames-charts"), curves, stampOf, show);
+  }
+
   function confidence() {
     const BINS = 10;
     const bins = [...Array(BINS)].map(() => ({ moving: 0, static: 0, unknown: 0 }));
@@ -131,6 +152,7 @@
     },
     click(id) { choose(byTrack.get(id) || null, false); },
   });
+  const more = frames();
   const charts = makeCharts(byId("charts"), series(map), stampOf, show);
   const tracks = makeTracks(data, choose);
 
@@ -149,6 +171,7 @@
     put("scan-name", `${data.names[current]} · ${stampOf(current)}`);
     map.show(current);
     charts.show(current);
+    more.show(current);
   }
 
   function play(isOn) {

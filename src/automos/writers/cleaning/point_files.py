@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.atomic import atomic_path, write_npy, write_raw
+from automos.core.atomic import write_bytes, write_npy, write_raw
 from automos.core.errors import InputError
 from automos.core.reading import read_array, read_bytes
 from automos.readers.folder import FolderSequence
@@ -42,8 +42,7 @@ def _rewrite_pcd(source: Path, target: Path, columns: str, kept: Mask) -> None:
         for entry, number in ((b"WIDTH", n), (b"HEIGHT", 1), (b"POINTS", n)):
             head = re.sub(rb"(?im)^([^\S\n]*%b[^\S\n]+)\S+" % entry, rb"\g<1>%d" % number, head)
         rows = np.frombuffer(raw, header.dtype, header.n_points, header.start)[kept]
-        with atomic_path(target) as temporary:
-            temporary.write_bytes(head + rows.tobytes())
+        write_bytes(target, head + rows.tobytes())
         return
     several = [name for name in header.dtype.names or () if header.dtype[name].shape and not name.startswith("_")]
     if several:
@@ -62,8 +61,7 @@ def _rewrite_las(source: Path, target: Path, columns: str, kept: Mask) -> None:
     las.points = las.points[kept]
     packed = io.BytesIO()  # what packs does not tell a full disk from other faults
     las.write(packed, do_compress=source.suffix.lower() == ".laz")
-    with atomic_path(target) as temporary:
-        temporary.write_bytes(packed.getvalue())
+    write_bytes(target, packed.getvalue())
 
 
 REWRITES: dict[str, Rewrite] = {

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 from automos.core.beam_pattern import learn_pattern
 from automos.core.errors import InputError
 from automos.core.workspace import Workspace
 from automos.results.run_files import RunFiles
-from automos.writers.kinds import Kinds, kinds_of_tracks
 from automos.writers.training.range_images import ImageSensor, measure_sensor
 from automos.writers.training.scans import full_scale_of, spread
 from automos.writers.training.trainer_files import SPLITS
@@ -48,11 +46,6 @@ class Member:
     split: str
     full_scale: float
     sensor: ImageSensor
-
-    @cached_property
-    def kinds(self) -> Kinds:
-        """What gives the kind of a track."""
-        return kinds_of_tracks(self.run)
 
     def about(self) -> dict[str, Any]:
         """Return what identifies it, for the manifest."""

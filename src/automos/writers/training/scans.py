@@ -14,6 +14,7 @@ import numpy.typing as npt
 from automos.core.labels import Label, pack
 from automos.core.scan import Points
 from automos.results.run_files import RunFiles
+from automos.writers.point_columns import intensity_of
 
 IDS = {
     "universal": {Label.UNLABELED: 0, Label.STATIC: 99, Label.MOVING: 259},
@@ -58,8 +59,7 @@ def training_scan(run: RunFiles, index: int, ids: str, full_scale: float) -> Tra
     """
     scan = run.scan(index)
     kept = scan.is_valid
-    intensity = np.zeros(len(scan), np.float32) if scan.intensity is None else np.nan_to_num(scan.intensity)
-    share = np.clip(intensity / np.float32(full_scale), 0.0, 1.0)
+    share = np.clip(intensity_of(scan) / np.float32(full_scale), 0.0, 1.0)
     points = np.column_stack([run.points_at_pose(scan, index), share]).astype(np.float32)
     found = run.labels(index, len(scan))
     number_of = np.zeros(Label.MOVING + 1, np.uint32)

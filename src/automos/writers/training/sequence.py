@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -11,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.atomic import atomic_path, write_npy, write_raw, write_text
+from automos.core.atomic import write_npy, write_raw, write_text
 from automos.core.geometry import inverse
 from automos.core.pose_writers import write_kitti
 from automos.core.scan import Points, Pose
@@ -21,8 +20,8 @@ from automos.writers.training.range_images import WIDTH, residual_image
 from automos.writers.training.scans import TrainingScan, training_scan
 
 _IDENTITY = "1 0 0 0 0 1 0 0 0 0 1 0"
-_INSMOS_CLASSES = (1, 8, 9)
-"""InsMOS's numbers of what `KINDS` names: car, person, bicyclist."""
+_INSMOS_CLASSES = (1, 6, 9, 8, 1)
+"""InsMOS's numbers of each `Kind`: car, truck, bicyclist, person."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +115,7 @@ def _write_scan(
             image = residual_image(scan.points[:, :3], earlier, T_now_world @ T_world_before, member.sensor)
         write_npy(folder / _residuals(back) / f"{stem}.npy", image)
     if extras.boxes:
-        write_objects(folder / _BOXES / f"{stem}.npy", insmos_boxes(member, index))
+        write_npy(folder / _BOXES / f"{stem}.npy", insmos_boxes(member, index))
     write_raw(labels, scan.labels)
     return scan
 
@@ -137,17 +136,7 @@ def insmos_boxes(member: Member, index: int) -> npt.NDArray[np.object_]:
     found = run.boxes_upright(index)
     boxes = found.boxes.transformed(inverse(run.T_upright_sensor(index)))
     rows = np.empty((len(found), 4), object)
-    for k, kind in enumerate(member.kinds(found.ids)):
-        size = found.boxes.size[k]
-        box = [*boxes.center[k].tolist(), *size.tolist(), float(boxes.yaw[k])]
-        rows[k] = "object", _INSMOS_CLASSES[kind], int(found.verdict[k] == Verdict.MOVING), None
-        rows[k, 3] = box
+    for k, box in enumerate(found):
+        rows[k, :3] = "object", _INSMOS_CLASSES[box.kind], int(found.verdict[k] == Verdict.MOVING)
+        rows[k, 3] = [*boxes.center[k].tolist(), *box.size.tolist(), float(boxes.yaw[k])]
     return rows
-
-
-def write_objects(path: Path, rows: npt.NDArray[np.object_]) -> None:
-    """Write `rows` as NumPy's file with Python's objects in it, whole or not at all."""
-    content = io.BytesIO()
-    np.save(content, rows, allow_pickle=True)
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(content.getbuffer())

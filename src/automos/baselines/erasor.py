@@ -1,0 +1,152 @@
+"""ERASOR: a bin that reaches much higher in the map than in a scan contained an object that left.
+
+Our reading of Lim, Hwang and Myung, "ERASOR: Egocentric Ratio of Pseudo Occupancy-Based Dynamic Object Removal for
+Static 3D Point Cloud Map Building" (RA-L 2021), paper III-B of Chen et al. The scans of one submap are aggregated into
+voxels. Around each scan, map and scan are divided into polar bins. Where the ratio of their height spans ("pseudo
+occupancy") is small, the bin's voxels above a plane fitted to its lowest part (R-GPF) are removed from the map. A point
+moves if its voxel was removed. The map is edited in place: later scans are compared with a cleaner map.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from automos.baselines.erasor_bins import Rules, Volume, compare_bins
+from automos.baselines.submaps import cut_submaps
+from automos.core.geometry import inverse, transform
+from automos.core.kernels import kernel
+from automos.core.scan import Frames, Mask
+from automos.core.voxels import VoxelMap
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """As in the authors' large_scale.yaml, their preset for whole sequences.
+
+    Attributes
+    ----------
+    version : int
+        2: the paper's rule; 3: the released rule, which removes less.
+    voxel : float
+        Metres, side of the map's voxels.
+    max_range : float
+        Metres, radius of the volume of interest.
+    rings, sectors : int
+        Numbers of its bins.
+    min_height, max_height : float
+        Metres above the ground under the sensor, between which it lies.
+    scan_ratio : float
+        Of the height spans of scan and map, below which a bin has changed.
+    min_points : int
+        Least number of scan voxels in a bin that is compared.
+    bin_max_height : float
+        Metres, version 2: a removed bin must reach higher than this.
+    min_removed_span : float
+        Metres, version 3: a removed bin must span more than this.
+    plane : tuple
+        Arguments of R-GPF, see `fit_region_ground`.
+    ego_radius : float
+        Metres; nearer points are the ego body.
+    every : int
+        Scans per comparison with the map.
+    submap_scans, submap_length : int, float
+        Scans and metres driven of a submap. Ours: they bound memory; a car is visible for less.
+    """
+
+    version: int = 3
+    voxel: float = 0.2
+    max_range: float = 80.0
+    rings: int = 20
+    sectors: int = 108
+    min_height: float = -1.3
+    max_height: float = 3.0
+    scan_ratio: float = 0.2
+    min_points: int = 6
+    bin_max_height: float = 0.2
+    min_removed_span: float = 0.5
+    plane: tuple[float, int, int, int, float] = (0.5, 5, 20, 3, 0.25)
+    ego_radius: float = 2.7
+    every: int = 4
+    submap_scans: int = 200
+    submap_length: float = 160.0
+
+    @property
+    def volume(self) -> Volume:
+        """The bins around the sensor."""
+        return Volume(self.max_range, self.rings, self.sectors, self.min_height, self.max_height)
+
+    @property
+    def rules(self) -> Rules:
+        """When a bin has changed."""
+        spans = self.bin_max_height, self.min_removed_span
+        return Rules(self.version, self.scan_ratio, self.min_points, *spans, self.plane)
+
+
+def find_moving(frames: Frames, parameters: Parameters, start: int = 0) -> Iterator[tuple[int, Mask]]:
+    """Yield (index, (M,) bool) of every frame from `start` on, in order: the points whose voxel ERASOR removed.
+
+    frames : Frames, of a recording.   start : int, index of the first frame to return.
+    """
+    origins = frames.T_level_sensor[:, :3, 3]
+    for first, last, own_first, own_last in cut_submaps(origins, parameters.submap_scans, parameters.submap_length):
+        if own_last > start:
+            own = range(max(own_first, start), own_last)
+            yield from zip(own, clean_submap(frames, range(first, last), own, parameters), strict=True)
+
+
+def clean_submap(frames: Frames, submap: range, own: range, parameters: Parameters) -> Iterator[Mask]:
+    """Yield for each frame in `own` which of its points (M,) had their voxel removed.
+
+    submap : range, the frames that make the map and are compared with it.
+    """
+    # z up at the sensor's mount, ground under the vehicle at z = 0, so heights are above that ground.
+    T_body_sensor = frames.T_level_sensor[0].copy()
+    T_body_sensor[:2, 3] = 0.0
+    voxels = VoxelMap(parameters.voxel, frames.T_level_sensor[submap[0], :3, 3])
+    ids_of = []
+    for k in submap:
+        frame = frames[k]
+        ids = np.full(len(frame.points), -1, np.int32)
+        is_outside = np.einsum("ij,ij->i", frame.points[:, :2], frame.points[:, :2]) > parameters.ego_radius**2
+        ids[is_outside] = voxels.add(frame.points_level[is_outside])
+        ids_of.append(ids)
+
+    mean = voxels.mean
+    is_alive = np.ones(len(mean), bool)
+    was_scanned = np.full(len(mean), -1, np.int32)
+    rejected: dict[int, Mask] = {}
+    for k in submap[:: parameters.every]:
+        frame, ids = frames[k], ids_of[k - submap[0]]
+        near = _voxels_near(mean, frame.origin_level.astype(np.float32), np.float32(parameters.max_range))
+        rejected[k] = compare_bins(
+            near,
+            transform(T_body_sensor @ inverse(frame.T_level_sensor), mean[near]),
+            is_alive,
+            was_scanned,
+            np.int32(k),
+            transform(T_body_sensor, frame.points),
+            ids,
+            parameters.volume,
+            parameters.rules,
+        )
+    for k in own:
+        ids = ids_of[k - submap[0]]
+        is_removed = (ids >= 0) & ~np.append(is_alive, True)[ids]  # id -1 reads the True at the end
+        if k in rejected:
+            is_removed |= rejected[k]
+        yield is_removed
+
+
+@kernel
+def _voxels_near(mean, origin, max_range):  # type: ignore[no-untyped-def]
+    near = np.empty(len(mean), np.int64)
+    n = 0
+    for v in range(len(mean)):
+        dx, dy = mean[v, 0] - origin[0], mean[v, 1] - origin[1]
+        if dx * dx + dy * dy <= max_range * max_range:
+            near[n] = v
+            n += 1
+    return near[:n]

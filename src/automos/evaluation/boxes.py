@@ -1,0 +1,135 @@
+"""Whether boxes are as an annotator would draw them: overlap from above, heading, size and velocity.
+
+A true box of a mover is compared with the box, in the same scan, of the moving track that holds most of its points
+there; scans in which it has fewer than `FEWEST` points are left out, as nobody could draw a box in them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.column_data import ColumnData
+from automos.core.upright_boxes import Boxes, iou_3d
+from automos.evaluation.overlaps import NO_TRACK, STANDS, Ints, Overlaps
+
+Floats = npt.NDArray[np.float64]
+
+FEWEST = 30
+"""Points in a scan from which a mover's box counts."""
+GOOD = (0.4, 0.7)
+"""Intersections over union from above that are counted: the right place, and the right extent and heading."""
+LAG = 0.4
+"""Seconds before and after, about, between which a true box's velocity is measured: its jitter is that of a hand."""
+
+
+@dataclass(frozen=True, eq=False)
+class BoxErrors(ColumnData):
+    """True boxes of movers, a row each, against their tracks' boxes; NaN where there is no such box.
+
+    Attributes
+    ----------
+    mover : (R,) int64
+        Class and instance id as the truth packs them.
+    iou : (R,) float64
+        Intersection over union from above.
+    length, width : (R,) float64
+        Metres, absolute.
+    yaw : (R,) float64
+        Degrees, in [0, 90]: modulo half a turn.
+    velocity : (R,) float64
+        Metres per second, over the ground; NaN, too, where the truth has no boxes around it.
+    """
+
+    mover: Ints
+    iou: Floats
+    length: Floats
+    width: Floats
+    yaw: Floats
+    velocity: Floats
+
+    @classmethod
+    def empty(cls) -> BoxErrors:
+        """Return no rows."""
+        return cls(np.zeros(0, np.int64), *np.zeros((5, 0)))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return shares of the true boxes, in [0, 1], and of each error median, worst tenth and mean over movers."""
+        has_box = np.isfinite(self.iou)
+        shares = {f"iou_{good:g}": float(np.mean(has_box & (self.iou >= good))) for good in GOOD} if len(self) else {}
+        spread = {
+            name: _spread(self.mover, getattr(self, name), worst)
+            for name, worst in (("iou", 10), ("length", 90), ("width", 90), ("yaw", 90), ("velocity", 90))
+        }
+        return {"boxes": len(self), "with_track": float(np.mean(has_box)) if len(self) else None, **shares, **spread}
+
+
+def _spread(mover: Ints, values: Floats, worst: int) -> dict[str, float | None]:
+    known = np.isfinite(values)
+    if not known.any():
+        return dict.fromkeys(("median", "worst_tenth", "over_movers"))
+    mover, values = mover[known], values[known]
+    ids, row = np.unique(mover, return_inverse=True)
+    means = np.bincount(row, values) / np.bincount(row, minlength=len(ids))
+    tenth = float(np.percentile(values, worst))
+    return {"median": float(np.median(values)), "worst_tenth": tenth, "over_movers": float(means.mean())}
+
+
+def tracks_of_boxes(overlaps: Overlaps) -> tuple[Ints, Ints, Ints]:
+    """Return scan, mover and track, a row for each scan in which a mover has `FEWEST` points or more.
+
+    The track is the one with most of its points there, `NO_TRACK` without any.
+    """
+    on = overlaps[overlaps.mover > STANDS]
+    scan, mover, n_points = on.total(("scan", "mover"))
+    shared = np.where(on.track > NO_TRACK, on.n_points, 0)
+    order = np.lexsort((-shared, on.mover, on.scan))  # the first of each scan and mover is the track with most
+    best = on[order[np.searchsorted(_rank(on, scan, mover)[order], np.arange(len(scan)))]]
+    kept = n_points >= FEWEST
+    return scan[kept], mover[kept], np.maximum(best.track, NO_TRACK)[kept]
+
+
+def _rank(on: Overlaps, scan: Ints, mover: Ints) -> Ints:
+    """Return which of the sorted pairs (`scan`, `mover`) each row of `on` belongs to."""
+    _, row = np.unique(np.stack([on.scan, on.mover]), axis=1, return_inverse=True)
+    return row.ravel()
+
+
+def compare_boxes(found: Boxes, true: Boxes) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return (M,) IoU from above, errors of length and width (metres) and yaw (degrees) of M pairs in one frame.
+
+    Of a true box that is wider than long, the longer side is its length: some datasets measure along y.
+    """
+    is_across = true.size[:, 1] > true.size[:, 0]
+    size = np.where(is_across[:, None], true.size[:, [1, 0, 2]], true.size)
+    yaw = true.yaw + np.where(is_across, 0.5 * np.pi, 0.0)
+    flat = [_flat(one.center, sides, turn) for one, sides, turn in ((found, found.size, found.yaw), (true, size, yaw))]
+    iou = np.array(
+        [iou_3d(a, b)[0, 0] for a, b in zip(*([f[k : k + 1] for k in range(len(f))] for f in flat), strict=True)]
+    )
+    turn = np.degrees(np.abs((found.yaw - yaw + 0.5 * np.pi) % np.pi - 0.5 * np.pi))
+    length, width = np.abs(found.size - size)[:, :2].T
+    return iou.reshape(len(found)), length, width, turn
+
+
+def _flat(center: Floats, size: Floats, yaw: Floats) -> Boxes:
+    """Return boxes one metre high that stand at height 0: their overlap in space is that from above."""
+    return Boxes(center * [1.0, 1.0, 0.0], size * [1.0, 1.0, 0.0] + [0.0, 0.0, 1.0], yaw, np.ones(len(yaw)))
+
+
+def true_velocity(stamps: Floats, centers: Floats) -> Floats:
+    """Return (M, 3) metres per second of a box at times `stamps` (M,) and places `centers` (M, 3) that stand still.
+
+    Each is the displacement from some `LAG` before to some `LAG` after; NaN where that is more than four of them apart.
+    """
+    velocity = np.full((len(stamps), 3), np.nan)
+    for k, time in enumerate(stamps.tolist()):
+        before, after = (np.abs(stamps - time + lag) for lag in (LAG, -LAG))
+        before[k:], after[: k + 1] = np.inf, np.inf
+        a, b = int(before.argmin()), int(after.argmin())
+        if a < k < b and stamps[b] - stamps[a] < 4.0 * LAG + 0.1:
+            velocity[k] = (centers[b] - centers[a]) / (stamps[b] - stamps[a])
+    return velocity

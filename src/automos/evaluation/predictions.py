@@ -1,0 +1,70 @@
+"""Label files on disk: where those of a recording are, whether they are complete, and each point's track."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.claims import RESULTS, held_by
+from automos.core.errors import InputError
+from automos.core.labels import Label, to_mos
+from automos.core.workspace import COMPLETE, RESULT_FILES, REVIEWED, RUN_FILE, UNFINISHED, Workspace
+
+ONLY_OURS = {"stages", *RESULT_FILES} - {"poses.txt"}
+"""What shows that a run of ours began in a folder; poses.txt is in every sequence of the benchmark, too."""
+
+
+def find_predictions(root: Path, name: str, is_only: bool) -> Path:
+    """Return the folder of recording `name`'s label files; for a single recording (`is_only`), also `root`."""
+    homes = [root / name, root / "sequences" / name]
+    if is_only:
+        homes.insert(0, root)
+    for home in homes:
+        for folder in (home / "predictions", home):
+            if any(folder.glob("[!.]*.label")):
+                _require_finished(home)
+                return folder
+    raise InputError(f"{root} holds no predictions for {name}; give a results folder, or a folder of .label files")
+
+
+def _require_finished(folder: Path) -> None:
+    """Raise InputError if `folder` is an unfinished run of ours; labels of other programs may be anywhere."""
+    is_ours = held_by(folder) == RESULTS or any((folder / name).exists() for name in ONLY_OURS)
+    in_fleet = (folder.parent / "ledger").is_dir()
+    last = COMPLETE if in_fleet else RUN_FILE
+    if (is_ours or in_fleet) and not (folder / last).exists():
+        raise InputError(f"{folder} was not labelled to its end (it holds no {last}): run the same command again")
+    run = Workspace(folder).read_run()
+    if (is_ours or in_fleet) and not run:
+        raise InputError(f"{folder / RUN_FILE} is missing or damaged: run the same command again")
+    if run.get(UNFINISHED):
+        raise InputError(f"{folder} is without decisions of its review, as its run was cut off: repeat automos label")
+
+
+def tracks_of(folder: Path, name: str, packed: npt.NDArray[np.uint32]) -> npt.NDArray[np.int64] | None:
+    """Return (N,) the id of the track that each moving point of scan `name` belongs to, 0 for none.
+
+    Parameters
+    ----------
+    folder : Path
+        Where label files, or a results folder, are.
+    packed : (N,) uint32
+        The scan's labels as in its label file.
+
+    Returns
+    -------
+    None where points move, and neither the label files nor the run's stages say on which object.
+    """
+    is_moving = to_mos(packed) == Label.MOVING
+    if (packed >> 16).any() or not is_moving.any():
+        return (packed >> 16).astype(np.int64)
+    home = folder.parent if folder.name == "predictions" else folder
+    key = Workspace(home).read_run().get("stages", {}).get("labels")
+    stages = (REVIEWED, "labels")  # what a person decided, where anything was, else what the run found
+    stage = next((s for s in stages if (home / "stages" / f"{s}-{key}" / f"{name}.npz").exists()), None)
+    if stage is None:
+        return None
+    tracks = Workspace(home).stage(stage, str(key)).load(name, "track")["track"]
+    return np.where(is_moving, tracks.astype(np.int64) + 1, 0)

@@ -1,1 +1,0 @@
-"""ERASOR, the evidence of the preset `paper`."""

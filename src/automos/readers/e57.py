@@ -1,0 +1,47 @@
+"""E57 files, as terrestrial scanners write them, one scan each, in the scanner's frame; read by pye57.
+
+Its library is not made for damaged files, and ends the process on some: another one reads them.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from automos.core.errors import InputError
+from automos.readers.apart import read_apart
+from automos.readers.columns import Columns
+from automos.readers.formats import import_extra
+
+
+def read(path: Path) -> Columns:
+    """Return x, y, z and what else is told of each point: intensity, time, and the row that is its beam."""
+    import_extra("pye57", "e57")
+    return read_apart("e57", path)
+
+
+def read_here(path: Path) -> Columns:
+    """Return what `read` does, read in this process."""
+    try:
+        file = import_extra("pye57", "e57").E57(str(path))
+        if file.scan_count != 1:
+            raise InputError(
+                f"{path} holds {file.scan_count} scans; export each to a file of its own, in its own frame"
+            )
+        raw = file.read_scan_raw(0)
+    except InputError:
+        raise
+    except Exception as error:  # damaged files break the library in many ways
+        raise InputError(f"{path} is not a whole E57 file ({str(error).splitlines()[0]}); copy it again") from None
+    if "sphericalRange" in raw and "cartesianX" not in raw:
+        flat = raw["sphericalRange"] * np.cos(raw["sphericalElevation"])
+        around, z = raw["sphericalAzimuth"], raw["sphericalRange"] * np.sin(raw["sphericalElevation"])
+        columns = {"x": flat * np.cos(around), "y": flat * np.sin(around), "z": z}
+    else:
+        columns = {axis: raw[f"cartesian{axis.upper()}"] for axis in "xyz"}
+    is_none = raw.get("cartesianInvalidState", raw.get("sphericalInvalidState"))
+    if is_none is not None:
+        columns = {axis: np.where(is_none > 0, 0.0, values) for axis, values in columns.items()}
+    told = {"intensity": "intensity", "time": "timeStamp", "ring": "rowIndex"}
+    return columns | {name: raw[field] for name, field in told.items() if field in raw}

@@ -1,0 +1,136 @@
+"""From the packets of a sweep to its points, whatever sensor sent them: what `layouts` says is all that differs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import islice
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.errors import InputError
+from automos.core.scan import Scan
+from automos.readers.columns import Columns
+from automos.readers.packets.beams import Beams, beams_of
+from automos.readers.packets.layouts import VELODYNE, Layout, layout_of
+from automos.readers.packets.pcap import Datagrams
+from automos.readers.packets.velodyne import VelodyneDecoder
+
+_TOLD_WITHIN = 4200
+"""Packets that contain a sensor's calibration: an HDL-64E takes 4160 to tell it, a RoboSense tells it each second."""
+
+
+class Decoder(Protocol):
+    """Makes points of the packets of one sensor, of kind `layout`."""
+
+    layout: Layout
+    warnings: tuple[str, ...]
+
+    def columns(self, packets: Datagrams) -> Columns:
+        """Return x, y, z, intensity, time (s since the first packet) and, of beams, ring of the returns in a sweep."""
+
+
+def make_decoder(packets: Iterable[bytes], source: Path, layout: Layout | None = None) -> Decoder:
+    """Return what decodes a sensor's packets, of which the first tell its kind and its calibration.
+
+    Raises
+    ------
+    InputError
+        Packets of no known kind, or beams of which nothing is told; `source` is where they come from.
+    """
+    packets = iter(packets)
+    first: list[bytes] = []
+    while layout is None and len(first) < _TOLD_WITHIN and (packet := next(packets, None)) is not None:
+        first.append(packet)
+        layout = layout_of(packet)
+    if layout is None:
+        raise InputError(
+            f"{source} holds packets of a sensor that is not known here; play it through its maker's driver and record "
+            "the points"
+        )
+    packets = (packet for part in (first, packets) for packet in part)
+    if layout.sensor == VELODYNE.sensor:
+        return VelodyneDecoder(packets, str(source))
+    return TableDecoder(layout, beams_of(layout, islice(packets, _TOLD_WITHIN), source) if layout.turns else None)
+
+
+class TableDecoder:
+    """Decodes packets as their layout says."""
+
+    def __init__(self, layout: Layout, beams: Beams | None):
+        """Take where the beams point, for sensors that have them."""
+        self.layout, self._beams = layout, beams
+        self.warnings = () if beams is None else beams.warnings
+
+    def columns(self, packets: Datagrams) -> Columns:
+        """Return what `Decoder.columns` does, without points of no return and returns that only repeat another."""
+        rows, clock = self.layout.rows(packets), self.layout.clock(packets)
+        blocks = rows["blocks"] if "blocks" in self.layout.names else rows[:, None]
+        points = blocks["points"]  # (P, B, C)
+        n_blocks = points.shape[1]
+        step = float(np.median(np.diff(clock))) if len(clock) > 1 else 0.0
+        azimuth = blocks["azimuth"].astype(np.int64) if self.layout.turns else None
+        is_dual = azimuth is not None and bool((azimuth[:, ::2] == azimuth[:, 1::2]).mean() > 0.5)
+        turn = np.arange(n_blocks) // (1 + is_dual) * (1 + is_dual) / n_blocks  # two returns of a ray are a block each
+        within = np.resize(self.layout.fired, points.shape[2]) * (1 + is_dual) / n_blocks
+        if n_blocks == 1:
+            within = np.arange(points.shape[2]) / points.shape[2]
+        time = (clock - clock[0])[:, None, None] + step * (turn[:, None] + within)
+        if azimuth is None:
+            xyz = _places(points, self.layout.unit)
+        else:
+            xyz = self._along_beams(points, azimuth, 1 + is_dual)
+        is_return = np.any(xyz, axis=-1)
+        if is_dual:
+            is_return[:, 1::2] &= (xyz[:, 1::2] != xyz[:, ::2]).any(axis=-1)
+        columns: Columns = {axis: xyz[..., k][is_return] for k, axis in enumerate("xyz")}
+        columns |= {"intensity": points["intensity"][is_return].astype(np.float32), "time": time[is_return]}
+        if self._beams is not None:
+            rank = np.argsort(np.argsort(self._beams.elevation, kind="stable")).astype(np.uint16)
+            columns["ring"] = np.broadcast_to(np.resize(rank, points.shape[2]), points.shape)[is_return]
+        return columns
+
+    def _along_beams(self, points: npt.NDArray, azimuth: npt.NDArray, n_returns: int) -> npt.NDArray[np.float32]:
+        """Return (P, B, C, 3) points, metres, at their ranges along the beams; the origin where there was no return."""
+        assert self._beams is not None
+        steps = np.diff(azimuth.reshape(-1)[::n_returns]) % 36000
+        turned = float(np.median(steps[steps > 0])) if steps.any() else 0.0
+        n = points.shape[2]
+        elevation = np.radians(np.resize(self._beams.elevation, n))
+        fired = azimuth[..., None] + turned * np.resize(self.layout.fired, n)
+        mount = np.radians(self.layout.ahead - 0.01 * fired)
+        heading = mount - np.radians(np.resize(self._beams.azimuth, n))
+        distance = points["range"] * self.layout.unit
+        level, reach = distance * np.cos(elevation), self.layout.lens * (distance > 0)
+        x = level * np.cos(heading) + reach * np.cos(mount)
+        y = level * np.sin(heading) + reach * np.sin(mount)
+        return np.stack([x, y, distance * np.sin(elevation)], axis=-1).astype(np.float32)
+
+
+def _places(points: npt.NDArray, unit: float) -> npt.NDArray[np.float32]:
+    """Return (..., 3) points, metres, of those that tell where they are."""
+    names = points.dtype.names or ()
+    if "x" in names:
+        return (unit * np.stack([points[axis] for axis in "xyz"], axis=-1)).astype(np.float32)
+    if "zenith" in names:
+        up, around = (np.radians(0.01 * points[name]) for name in ("zenith", "around"))
+        up = np.pi / 2 - up
+    else:
+        up, around = (np.radians(0.01 * (points[name].astype(np.float64) - 32768)) for name in ("pitch", "yaw"))
+    ray = np.stack([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)], axis=-1)
+    return (unit * points["range"][..., None] * ray).astype(np.float32)
+
+
+def to_scan(rows: Columns, stamp: float, name: str) -> Scan:
+    """Return the scan of one sweep's columns, all of whose points have a time."""
+    ring = rows.get("ring")
+    return Scan(
+        np.column_stack([rows[axis] for axis in "xyz"]),
+        intensity=np.ascontiguousarray(rows["intensity"]),
+        time=np.ascontiguousarray(rows["time"], np.float32),
+        ring=None if ring is None else ring.astype(np.uint16),
+        stamp=stamp,
+        name=name,
+    )

@@ -1,0 +1,85 @@
+"""Messages of drivers that hold packets: those of about one turn, each with the time it came, or a single one."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable
+
+import numpy as np
+
+from automos.core.errors import InputError
+from automos.readers.packets.pcap import Datagrams
+from automos.readers.point_cloud2 import header_end
+
+_SCANS = {
+    "velodyne_msgs/msg/VelodyneScan": (1206, False),
+    "pandar_msgs/msg/PandarScan": (1500, True),
+    "hesai_ros_driver/msg/UdpFrame": (0, True),
+    "rslidar_msgs/msg/rslidarScan": (1248, False),
+    "rslidar_msg/msg/RslidarScan": (1248, False),
+    "robosense_msgs/msg/RobosenseScan": (1248, False),
+    "nebula_msgs/msg/NebulaPackets": (0, False),
+}
+"""Bytes of each packet (0: they are counted before it), and whether a number behind it says how many are of use."""
+_SINGLE = "rslidar_msg/msg/RslidarPacket"
+TYPES = (*_SCANS, _SINGLE)
+
+
+def begins_scan(raw: bytes, kind: str, is_ros2: bool) -> bool:
+    """Return whether a message begins a scan: of a single packet, whether its driver says so; any other does."""
+    end = _header_text_end(raw, is_ros2)
+    return kind != _SINGLE or raw[end : end + 2] == b"\0\1"  # of points, and the first
+
+
+def _header_text_end(raw: bytes, is_ros2: bool) -> int:
+    return 16 + int.from_bytes(raw[12:16], "big" if is_ros2 and raw[1] == 0 else "little")
+
+
+def read_packets(raw: bytes, kind: str, is_ros2: bool, where: str) -> list[tuple[float, bytes]]:
+    """Return the packets of one message as it lies in a bag, each with the seconds at which it came.
+
+    Raises
+    ------
+    InputError
+        Fewer bytes than its packets need, or no packets.
+    """
+    order, base = (">" if is_ros2 and raw[1] == 0 else "<"), 4 if is_ros2 else 0
+
+    def number(at: int) -> tuple[int, int]:
+        at += -(at - base) % 4 if is_ros2 else 0  # CDR starts each number at a multiple of four
+        return struct.unpack_from(f"{order}I", raw, at)[0], at + 4
+
+    found: list[tuple[float, bytes]] = []
+    count = 0
+    try:
+        if kind == _SINGLE:
+            n, at = number(_header_text_end(raw, is_ros2) + 2)
+            seconds, nanoseconds = struct.unpack_from(f"{order}II", raw, 4)
+            found, count = [(seconds + 1e-9 * nanoseconds, raw[at : at + n])], 1
+            if at + n > len(raw):
+                raise struct.error
+            return found
+        fixed, has_size = _SCANS[kind]
+        count, at = number(header_end(raw, is_ros2))
+        for _ in range(count):
+            seconds, at = number(at)
+            nanoseconds, at = number(at)
+            n, at = (fixed, at) if fixed else number(at)
+            begin, at = at, at + n
+            n, at = number(at) if has_size else (n, at)
+            if at > len(raw) or n > len(raw):
+                raise struct.error
+            found.append((seconds + 1e-9 * nanoseconds, raw[begin : begin + n]))
+    except struct.error:
+        found = []
+    if not found:
+        raise InputError(f"{where} is cut short: {len(raw)} bytes for {count} packets; record or export it again")
+    return found
+
+
+def as_datagrams(packets: Iterable[tuple[float, bytes]], size: int) -> Datagrams:
+    """Return those packets that have `size` bytes: others tell what the sensor is, or how it is."""
+    kept = [(seconds, packet) for seconds, packet in packets if len(packet) == size]
+    payloads = np.frombuffer(b"".join(packet for _, packet in kept), np.uint8).reshape(-1, size)
+    none = np.zeros(len(kept), np.int64)
+    return Datagrams(none, payloads, np.array([seconds for seconds, _ in kept]), none)

@@ -1,0 +1,133 @@
+"""PandaSet: lidar/*.pkl.gz, poses.json and timestamps.json of each drive; the points are those of its Pandar64.
+
+Clouds come in the frame of a map, where the poses take them back from, and without the car's motion during a sweep.
+They are pickles of pandas, which are taken apart here: arrays are all that is built of what they name.
+"""
+
+from __future__ import annotations
+
+import gzip
+import io
+import pickle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from automos.core.errors import InputError
+from automos.core.geometry import inverse
+from automos.core.reading import MAX_TEXT, is_there, read_json
+from automos.core.scan import Pose, Scan
+from automos.readers.columns import Columns, to_scan
+from automos.readers.formats import Format, recordings_at
+from automos.readers.listed import ListedSequence
+from automos.readers.stamped_poses import from_quaternions
+
+_SPINNING = 0
+"""What the column `d` says of points of the LiDAR that turns; others are of one in front."""
+_NUMPY = {"ndarray", "dtype", "_reconstruct", "scalar", "_frombuffer", "slice", "object", "_reconstructor"}
+"""What arrays are made of."""
+
+
+class _Part:
+    """What stands for any part of pandas: how it was made, and what it was given."""
+
+    args: tuple = ()
+    state: Any = None
+
+    def __new__(cls, *args: Any) -> _Part:
+        part = super().__new__(cls)
+        part.args = args
+        return part
+
+    def __setstate__(self, state: Any) -> None:
+        self.state = state
+
+
+class _Parts(pickle.Unpickler):
+    """Builds arrays, and tables as their parts; nothing else."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        """Return what makes an array or a part of a table."""
+        package = module.partition(".")[0]
+        if package == "pandas":
+            return _Part
+        if package in ("numpy", "builtins", "copyreg") and name in _NUMPY:
+            return super().find_class(module, name)
+        raise pickle.UnpicklingError(f"it asks for {module}.{name}, which no table of points needs")
+
+
+def _columns(packed: bytes) -> Columns:
+    """Return the columns of a pickled table."""
+    table = _Parts(io.BytesIO(packed)).load().state
+    manager = table.get("_data", table.get("_mgr"))
+    if manager.args:
+        blocks, axes = manager.args
+        pieces = [block.args[:2] for block in blocks]
+    else:
+        told = manager.state[3]["0.14.1"]
+        axes, pieces = told["axes"], [(block["values"], block["mgr_locs"]) for block in told["blocks"]]
+    names = axes[0].args[1]["data"]
+    columns: Columns = {}
+    for values, place in pieces:
+        columns |= dict(zip(names[place].tolist(), values, strict=True))
+    return columns
+
+
+def _is_recording(path: Path) -> bool:
+    return is_there(path / "lidar" / "poses.json") and is_there(path / "lidar" / "timestamps.json")
+
+
+class PandasetSequence(ListedSequence):
+    """One drive."""
+
+    is_compensated = True
+
+    def __init__(self, source: Path):
+        """List the scans of the drive in folder `source`; read its poses.
+
+        Raises
+        ------
+        InputError
+            No scans, or poses and times that are damaged, or as many as no scans.
+        """
+        folder = source / "lidar"
+        files = sorted(folder.glob("[!.]*.pkl.gz"))
+        try:
+            poses = read_json(folder / "poses.json")
+            stamps = np.array(read_json(folder / "timestamps.json"), np.float64)
+            places = [[pose["position"][axis] for axis in "xyz"] for pose in poses]
+            turns = [[pose["heading"][axis] for axis in "xyzw"] for pose in poses]
+        except (ValueError, LookupError, TypeError) as error:
+            raise InputError(f"{folder} holds damaged poses or times ({error!r}); download them again") from None
+        if not len(files) == len(stamps) == len(poses):
+            raise InputError(f"{folder} holds {len(files)} scans, {len(stamps)} times and {len(poses)} poses")
+        super().__init__(source, files, [file.name.split(".")[0] for file in files], stamps)
+        self._taken = stamps
+        self._T_map_sensor: Pose = from_quaternions(places, turns, folder / "poses.json")
+
+    def __getitem__(self, index: int) -> Scan:
+        index = self._scan_number(index)
+        path = self._files[index]
+        try:
+            with gzip.open(path) as packed:
+                table = _columns(packed.read(MAX_TEXT))
+            is_own = table["d"] == _SPINNING
+            columns = {name: table[name][is_own] for name in ("x", "y", "z", "i", "t")}
+        except Exception as error:  # what is no table breaks in many ways
+            raise InputError(f"{path} is no table of points of PandaSet ({error}); download it again") from None
+        stamp, T_map_sensor = float(self._taken[index]), self._T_map_sensor[index]
+        return to_scan(columns, path, self._names[index], stamp, 1.0, 1.0, T_map_sensor)
+
+    @property
+    def reference_poses(self) -> Pose:
+        """(len, 4, 4) T_world_sensor."""
+        return inverse(self._T_map_sensor[0]) @ self._T_map_sensor
+
+
+FORMAT = Format(
+    layout="PandaSet: lidar/*.pkl.gz, poses.json, timestamps.json",
+    truth="",
+    find=lambda path: recordings_at(path, _is_recording),
+    open=PandasetSequence,
+)

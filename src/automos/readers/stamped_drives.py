@@ -1,0 +1,164 @@
+"""Data sets whose scans are files named by their time, of one kind of record: Boreas, HeLiPR, MulRan.
+
+What differs is in `DRIVES`: where the files lie, what a point holds, and how the poses that came with them are told.
+HeLiPR's sensors are recordings of their own, and every point has its time. MulRan's clouds are 64 x 1024, column after
+column, so that a point's place gives its beam and time; a few files are incomplete, and those have neither.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, partial
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.geometry import make_transform
+from automos.core.reading import is_there
+from automos.core.scan import Pose, Scan
+from automos.readers.columns import Columns, to_scan
+from automos.readers.formats import Format, recordings_at
+from automos.readers.layouts import parse_columns
+from automos.readers.listed import ListedSequence, stamped_files
+from automos.readers.records import read_records, read_table
+from automos.readers.stamped_poses import from_quaternions, poses_at, rigid_transforms, sensor_poses
+
+_AEVA = "x,y,z,_,_,t:i4,line:u1"
+_SENSORS = {
+    "Aeva": f"{_AEVA},intensity",
+    "Avia": "x,y,z,reflectivity:u1,_:u1,line:u1,t:u4",
+    "Ouster": "x,y,z,intensity,t:u4,_:u2,ring:u2,_:u2",
+    "Velodyne": "x,y,z,intensity,ring:u2,time",
+}
+_LAST_WITHOUT_INTENSITY = 1691936557946849179
+"""Nanoseconds: up to this scan the Aeva was recorded without intensity."""
+_BEAMS, _COLUMNS, _PERIOD = 64, 1024, 0.1
+
+Stamps = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A data set.
+
+    Attributes
+    ----------
+    scans, poses : the folder of the scans in a recording, and the file of poses.
+    tick : seconds that the files' names count.
+    read : returns the columns of the file of a scan.
+    place : returns (N, 4, 4) T_world_sensor at the scans' stamps (N,) from the file of poses.
+    """
+
+    scans: str
+    poses: str
+    tick: float
+    read: Callable[[Path], Columns]
+    place: Callable[[Path, Stamps], Pose]
+
+    def is_recording(self, path: Path) -> bool:
+        """Return whether `path` is one."""
+        return (path / self.scans).is_dir() and is_there(path / self.poses)
+
+
+class DriveSequence(ListedSequence):
+    """One recording of one sensor."""
+
+    def __init__(self, source: Path, drive: Drive, name: str | None = None):
+        """List the scans of the recording in folder `source`."""
+        files, stamps = stamped_files(source / drive.scans, ".bin", drive.tick)
+        super().__init__(source, files, stamps=stamps, name=name)
+        self._drive = drive
+
+    def __getitem__(self, index: int) -> Scan:
+        index = self._scan_number(index)
+        assert self.stamps is not None
+        columns = self._drive.read(self._files[index])
+        unit = 1e-9 if "t" in columns else 1.0
+        return to_scan(columns, self._files[index], self._names[index], float(self.stamps[index]), unit)
+
+    @cached_property
+    def reference_poses(self) -> Pose | None:
+        """(len, 4, 4) T_world_sensor from the data set's own poses; None without them."""
+        path = self.source / self._drive.poses
+        assert self.stamps is not None
+        return self._drive.place(path, self.stamps) if is_there(path) else None
+
+
+def _records(columns: str) -> Callable[[Path], Columns]:
+    return lambda path: read_records(path, parse_columns(columns))
+
+
+def _mulran_columns(path: Path) -> Columns:
+    columns = read_records(path, parse_columns("x,y,z,intensity"))
+    if len(columns["x"]) == _BEAMS * _COLUMNS:
+        place = np.arange(_BEAMS * _COLUMNS)
+        columns |= {"ring": place % _BEAMS, "time": (place // _BEAMS) * (_PERIOD / _COLUMNS)}
+    return columns
+
+
+def _mulran_poses(path: Path, stamps: Stamps) -> Pose:
+    from scipy.spatial.transform import Rotation
+
+    table = read_table(path, 13, "poses", ",")
+    T_map_base = np.tile(np.eye(4), (len(table), 1, 1))
+    T_map_base[:, :3] = table[:, 1:].reshape(-1, 3, 4)
+    turn = Rotation.from_euler("xyz", [0.0001, 0.0003, 179.6654], degrees=True).as_matrix()
+    T_base_sensor = make_transform(turn, [1.7042, -0.021, 1.8047])  # published with the data set
+    return sensor_poses(poses_at(stamps, 1e-9 * table[:, 0], rigid_transforms(T_map_base, path), path), T_base_sensor)
+
+
+def _boreas_poses(path: Path, stamps: Stamps) -> Pose:
+    from scipy.spatial.transform import Rotation
+
+    table = read_table(path, 13, "poses", ",", has_names=True)
+    T = np.tile(np.eye(4), (len(table), 1, 1))
+    T[:, :3, :3] = Rotation.from_euler("xyz", table[:, 7:10]).as_matrix().transpose(0, 2, 1)  # as its own tools turn
+    T[:, :3, 3] = table[:, 1:4]
+    return sensor_poses(poses_at(stamps, 1e-6 * table[:, 0], rigid_transforms(T, path), path))
+
+
+def _helipr_columns(sensor: str, path: Path) -> Columns:
+    is_short = sensor == "Aeva" and int(path.stem) <= _LAST_WITHOUT_INTENSITY
+    return read_records(path, parse_columns(_AEVA if is_short else _SENSORS[sensor]))
+
+
+def _helipr_poses(path: Path, stamps: Stamps) -> Pose:
+    table = read_table(path, 8, "poses")
+    return sensor_poses(poses_at(stamps, 1e-9 * table[:, 0], from_quaternions(table[:, 1:4], table[:, 4:], path), path))
+
+
+MULRAN = Drive("Ouster", "global_pose.csv", 1e-9, _mulran_columns, _mulran_poses)
+BOREAS = Drive("lidar", "applanix/lidar_poses.csv", 1e-6, _records("x,y,z,intensity,ring,time"), _boreas_poses)
+
+
+def _find_helipr(path: Path) -> list[Path]:
+    """Return the sensors' folders at `path`: itself, or those of a drive, by name."""
+    if path.name in _SENSORS and path.parent.name == "LiDAR" and path.is_dir():
+        return [path]
+    return [path / "LiDAR" / name for name in _SENSORS if (path / "LiDAR" / name).is_dir()]
+
+
+def _open_helipr(source: Path) -> DriveSequence:
+    sensor, place = source.resolve().name, source.resolve()
+    drive = Drive(".", f"../../LiDAR_GT/{sensor}_gt.txt", 1e-9, partial(_helipr_columns, sensor), _helipr_poses)
+    return DriveSequence(source, drive, f"{place.parent.parent.name}_{sensor}")
+
+
+FORMATS = {
+    "helipr": Format(
+        layout="HeLiPR: LiDAR/{Aeva,Avia,Ouster,Velodyne}/*.bin, LiDAR_GT/; each sensor is a recording",
+        truth="",
+        find=_find_helipr,
+        open=_open_helipr,
+    )
+} | {
+    name: Format(
+        layout, "", partial(recordings_at, is_recording=drive.is_recording), partial(DriveSequence, drive=drive)
+    )
+    for name, layout, drive in (
+        ("mulran", "MulRan: Ouster/*.bin, global_pose.csv", MULRAN),
+        ("boreas", "Boreas: lidar/*.bin, applanix/lidar_poses.csv", BOREAS),
+    )
+}

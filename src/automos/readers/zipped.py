@@ -1,0 +1,128 @@
+"""Archives (.zip): of a recording, which is unpacked into a temporary folder, or of a scan each."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.errors import InputError
+from automos.core.reading import MAX_TEXT
+from automos.core.scan import Scan, Sequence
+from automos.readers.codecs import CODEC_OF_SUFFIX, read_columns
+from automos.readers.columns import Columns
+from automos.readers.formats import Format
+from automos.readers.listed import digest_of_files
+from automos.readers.record_layout import find_columns
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[zipfile.ZipFile]:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            yield archive
+    except (
+        zipfile.BadZipFile,
+        zlib.error,
+        RuntimeError,
+        NotImplementedError,
+        EOFError,
+        ValueError,
+    ) as error:  # or encrypted
+        raise InputError(f"{path} cannot be unpacked ({error}); unpack it yourself, or copy it again") from None
+
+
+def read(path: Path) -> Columns:
+    """Return the columns of the one cloud in an archive."""
+    with _opened(path) as archive, tempfile.TemporaryDirectory(prefix="automos-") as folder:
+        clouds = [member for member in archive.infolist() if Path(member.filename).suffix.lower() in CODEC_OF_SUFFIX]
+        if len(clouds) != 1 or clouds[0].file_size > MAX_TEXT:
+            raise InputError(
+                f"{path} holds {len(clouds)} clouds, where a scan is one of {MAX_TEXT >> 20} MB at most; "
+                "of a whole recording, give the archive itself"
+            )
+        cloud = Path(archive.extract(clouds[0], folder))
+        try:
+            codec = CODEC_OF_SUFFIX[cloud.suffix.lower()]
+            columns = read_columns(cloud, codec, find_columns([cloud]) if codec == "bin" else "")
+            return {name: np.array(column) for name, column in columns.items()}
+        except InputError as error:
+            raise InputError(str(error).replace(str(cloud), f"{path}/{clouds[0].filename}")) from None
+
+
+class ZippedSequence(Sequence):
+    """The recording in an archive, which lies in a temporary folder for as long as this does."""
+
+    source: Path
+
+    def __init__(self, path: Path, codec: str | None = None):
+        """Unpack the archive at `path`.
+
+        Raises
+        ------
+        InputError
+            It is damaged or encrypted, larger than the disk has room for, or holds no recording, or several.
+        """
+        from automos.readers import open_sequence
+
+        self.source, self.name = path, path.stem
+        self._folder = tempfile.TemporaryDirectory(prefix="automos-")
+        place = Path(self._folder.name) / self.name
+        with _opened(path) as archive:
+            needed, room = sum(member.file_size for member in archive.infolist()), shutil.disk_usage(place.parent).free
+            if needed > 0.9 * room:
+                raise InputError(f"{path} unpacks to {needed >> 20} MB, and {place.parent} has room for {room >> 20}")
+            archive.extractall(place)
+        while len(inside := [p for p in place.iterdir() if not p.name.startswith((".", "__MACOSX"))]) == 1:
+            place = inside[0]
+            if not place.is_dir():
+                break
+        try:
+            self._inside = open_sequence(place, codec)
+        except InputError as error:
+            raise InputError(str(error).replace(self._folder.name, str(path.parent))) from None
+
+    def __len__(self) -> int:
+        return len(self._inside)
+
+    def __getitem__(self, index: int) -> Scan:
+        return self._inside[index]
+
+    def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
+        """Return the labels that came with scan `index`."""
+        return self._inside.truth(index)
+
+    def truth_motion(self, index: int) -> npt.NDArray[np.float32] | None:
+        """Return the motion that came with scan `index`."""
+        return self._inside.truth_motion(index)
+
+    def fingerprint(self) -> str:
+        """Return a text that changes when the archive does."""
+        return f"{super().fingerprint()}:{digest_of_files([self.source])}"
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {key: value for key, value in self.__dict__.items() if key != "_folder"}
+
+
+def _of_inside(name: str) -> property:
+    return property(lambda sequence: getattr(sequence._inside, name))
+
+
+for _name in ("names", "stamps", "about", "is_compensated", "reference_poses", "repeats", "warnings"):
+    setattr(ZippedSequence, _name, _of_inside(_name))
+
+FORMAT = Format(
+    layout="an archive: .zip of a recording",
+    truth="that of what is in it",
+    find=lambda path: [path] if path.suffix.lower() == ".zip" and path.is_file() else [],
+    open=ZippedSequence,
+    has_codecs=True,
+)

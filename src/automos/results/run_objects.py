@@ -1,0 +1,112 @@
+"""The objects of a run as arrays, and as one table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.errors import MissingExtraError
+from automos.core.extras import pip_install
+from automos.core.upright_boxes import Boxes
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, eq=False)
+class Object:
+    """One object of a run and its K boxes in the level frame: z up, the ground under the first scan at z = 0.
+
+    Attributes
+    ----------
+    id : int
+        Number of the object, from 1.
+    verdict : str
+        "moving" if it moved at some time while it was observed, else "static", or "unknown".
+    p_moved : float
+        Probability in [0, 1] that it moved at some time.
+    kinds : dict of str to float
+        Probability of each kind: car, large_vehicle, two_wheeler, person, other. Empty if the run does not say.
+    scans : (K,) int64
+        Number of the scan that each box is in, ascending.
+    stamps : (K,) float64
+        Times of these scans, seconds.
+    boxes : Boxes
+        `center` (K, 3) and `size` (K, 3: length, width, height) in metres, `yaw` (K,) in radians about z, and `score`
+        (K,), the confidence of the verdict.
+    velocity : (K, 3) float64
+        Metres per second.
+    p_moving : (K,) float64
+        Probability that it moves in each of the scans.
+    observed : (K,) bool
+        False where it has no points in the scan, and its box was interpolated.
+    """
+
+    id: int
+    verdict: str
+    p_moved: float
+    kinds: dict[str, float]
+    scans: npt.NDArray[np.int64]
+    stamps: npt.NDArray[np.float64]
+    boxes: Boxes
+    velocity: npt.NDArray[np.float64]
+    p_moving: npt.NDArray[np.float64]
+    observed: npt.NDArray[np.bool_]
+
+    @staticmethod
+    def of_track(track: dict[str, Any]) -> Object:
+        """Return the object that tracks.json tells of as `track`."""
+        rows = sorted(track["boxes"], key=lambda box: box["scan"])
+        column = lambda name, kind=np.float64: np.array([box[name] for box in rows], kind)  # noqa: E731
+        sure = np.full(len(rows), float(track["confidence"]))
+        return Object(
+            id=track["id"],
+            verdict=track["verdict"],
+            p_moved=track.get("p_moved", 0.0),
+            kinds=track.get("kind", {}),
+            scans=column("scan", np.int64),
+            stamps=column("stamp"),
+            boxes=Boxes(column("center"), column("size"), column("yaw"), sure),
+            velocity=column("velocity"),
+            p_moving=np.array([box.get("p_moving", 0.0) for box in rows]),
+            observed=column("observed", np.bool_),
+        )
+
+    def __len__(self) -> int:
+        return len(self.scans)
+
+    def __repr__(self) -> str:
+        return f"<Object {self.id}: {self.kind}, {self.verdict}, moved with p = {self.p_moved:.2f}, {len(self)} boxes>"
+
+    @property
+    def kind(self) -> str:
+        """The likeliest kind."""
+        return max(self.kinds, key=self.kinds.__getitem__, default="other")
+
+    @property
+    def moves(self) -> npt.NDArray[np.bool_]:
+        """(K,) whether it moves in each of the scans; all False unless its verdict is "moving"."""
+        return (self.p_moving >= 0.5) & (self.verdict == "moving")
+
+
+def table_of(objects: Sequence[Object]) -> pd.DataFrame:
+    """Return a table with a row for every box; MissingExtraError if pandas is not installed."""
+    try:
+        import pandas as pd
+    except ImportError:
+        raise MissingExtraError(f"a table needs pandas, which is not installed: {pip_install('pandas')}") from None
+    each = [len(found) for found in objects]
+    of_boxes = ("scans", "stamps", "p_moving", "observed")
+    of_objects = {"object": "id", "verdict": "verdict", "kind": "kind", "p_moved": "p_moved"}
+    columns: dict[str, Any] = {
+        name.removesuffix("s"): [x for found in objects for x in getattr(found, name)] for name in of_boxes
+    }
+    columns |= {name: np.repeat([getattr(one, of) for one in objects], each) for name, of in of_objects.items()}
+    parts = [np.column_stack([f.boxes.center, f.boxes.size, f.boxes.yaw, f.velocity]) for f in objects]
+    names = ("x", "y", "z", "length", "width", "height", "yaw", "vx", "vy", "vz")
+    places = np.concatenate([np.zeros((0, len(names))), *parts])
+    return pd.DataFrame(columns | dict(zip(names, places.T, strict=True)))
