@@ -19,8 +19,9 @@ from automos.evidence import ego_body, on_body, votes
 from automos.evidence.clouds import in_clouds
 from automos.evidence.ground import find_ground
 from automos.evidence.look_through import look_through
-from automos.objects import detect, face_paths, places
+from automos.objects import detect, places
 from automos.objects.boxes import fit_boxes
+from automos.objects.face_paths import path_terms
 from automos.objects.motion import smooth
 from automos.objects.object_points import paint_objects
 from automos.objects.paper import hierarchy
@@ -116,7 +117,8 @@ def _tracking(points: np.ndarray) -> None:
     state_probabilities(values[:, :2], np.arange(len(points)) * 0.1, 0.1, 0.01, 0.02, 0.5)
     columns = places.touched_columns(make_boxes(np.clip(np.nan_to_num(points), -50, 50)))
     places.held_places(points, some, ~some, columns)
-    face_paths.face_scatter(np.array([0, len(points)]), np.hstack([values, values]))
+    whole = np.array([0, len(points)])
+    path_terms(whole, np.arange(len(points)) * 0.1, np.hstack([values, values])[:, :4])
 
 
 def _odometry(points: np.ndarray) -> None:

@@ -69,8 +69,8 @@ CLIMBING = np.random.default_rng(1).uniform(0.0, 3.0, 20)
     [
         ({"center": STRAIGHT}, Verdict.MOVING),
         ({"center": STRAIGHT, "moved": 0.6, "stayed": 0.1}, Verdict.MOVING),
-        ({"center": STRAIGHT, "moved": 0.01, "stayed": 0.99}, Verdict.STATIC),
-        ({"center": STRAIGHT, "moved": 0.0, "stayed": 0.0}, Verdict.STATIC),
+        ({"center": 0.05 * STRAIGHT, "moved": 0.01, "stayed": 0.99}, Verdict.STATIC),
+        ({"center": STRAIGHT, "moved": 0.0, "stayed": 0.0}, Verdict.MOVING),
         ({"center": SHAKING, "moved": 0.2, "stayed": 0.3, "z": CLIMBING}, Verdict.STATIC),
         ({"center": 0.001 * STRAIGHT, "moved": 0.05, "stayed": 0.9}, Verdict.STATIC),
         ({"center": STRAIGHT[:1]}, Verdict.STATIC),
@@ -82,7 +82,7 @@ CLIMBING = np.random.default_rng(1).uniform(0.0, 3.0, 20)
     ids=[
         "a car that drives",
         "half of it seen through",
-        "most of it hit again",
+        "most of it hit again, on half a metre",
         "never looked at by others",
         "foliage that shakes",
         "something that stays, and is seen through here and there",

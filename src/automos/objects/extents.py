@@ -65,8 +65,8 @@ def whole_boxes(scans: Scans, tracks: Tracks, parts: Tracks, yaw: Array, length:
 def headings(first: Rows, times: Array, velocity: Array, variance: Array, yaw: Array, length: Array) -> Array:
     """Return (R,) radians: directions of motion, kept while a body stands, and corrected by the sides that it shows.
 
-    A long side says the direction better than the motion does, but not which of four it is. What never moves has the
-    direction of its sides.
+    A long side says the direction better than the motion does, but not which of four it is. What never surely moves
+    has the direction of its sides that is nearest to its way.
 
     velocity : (R, 3) m/s.   variance : (R,) (m/s)^2 of its components.
     yaw, length : (R,) radians and metres, of boxes about single segments; length 0 where there is none.
@@ -77,7 +77,9 @@ def headings(first: Rows, times: Array, velocity: Array, variance: Array, yaw: A
     for begin, end in pairwise(first):
         sure = begin + np.flatnonzero(is_sure[begin:end])
         if not len(sure):
-            out[begin:end] = 0.25 * np.angle(np.exp(4j * yaw[begin:end]).sum())  # sides are a quarter turn apart
+            side = 0.25 * np.angle(np.exp(4j * yaw[begin:end]).sum())  # sides are a quarter turn apart
+            way = np.angle(moves[begin:end].sum())
+            out[begin:end] = side + 0.5 * np.pi * np.round((way - side) / (0.5 * np.pi))
             continue
         total = np.concatenate([[0.0], np.cumsum(moves[sure])])
         low = np.searchsorted(times[sure], times[sure] - AROUND)

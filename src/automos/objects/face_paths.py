@@ -1,34 +1,32 @@
-"""The scatter of the faces of tracked boxes about their paths."""
+"""The paths of the faces of tracked boxes: how unsteady they are, and how far a track went."""
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
 
+from automos.objects.motion import smooth_paths
+
 Array = npt.NDArray[np.float64]
-Rows = npt.NDArray[np.int64]
-_AROUND = 3  # observations on either side for the running median
+LEAST_SCATTER = 0.05  # metres, of the faces of a box
 
 
-def face_scatter(first: Rows, faces: Array) -> Array:
-    """Return (T, F) the mean square of the path of each face of each track about its running median, square metres.
+def path_terms(first: npt.NDArray[np.int64], times: Array, faces: Array) -> tuple[Array, Array, Array]:
+    """Return (T,) each: scatter of centres, metres, and two logarithms: of unsteady heights, and of a track's way.
 
-    `first` (T + 1,) is the first observation of each track among the coordinates `faces` (R, F).
+    The way from first to last counts in standard deviations of the centres about their smoothed path, as segments of
+    scenery slide and jump while they come into sight.
+
+    first : (T + 1,) the first observation of each track.   times : (R,) seconds.   faces : (R, 4), see `SegmentTerms`.
+
+    Equation: way
     """
-    begin, length = first[:-1], np.diff(first)
-    track, row = np.repeat(np.arange(len(length)), length), np.arange(len(faces))
-    low, high = np.maximum(row - _AROUND, begin[track]), np.minimum(row + _AROUND + 1, first[1:][track])
-    scatter = np.empty((len(length), faces.shape[1]))
-    for k, path in enumerate(faces.T):
-        scatter[:, k] = np.bincount(track, (path - _medians(path, low, high)) ** 2, len(length)) / np.maximum(length, 1)
-    return scatter
-
-
-def _medians(values: Array, begin: Rows, end: Rows) -> Array:
-    """Return (K,) the medians of `values` (R,) from each of `begin` to before `end` (K,), which are near each other."""
-    n = end - begin
-    at = begin[:, None] + np.arange(n.max(initial=1))
-    some = np.where(at < end[:, None], values[np.minimum(at, len(values) - 1)], np.inf)
-    some.sort(axis=1)
-    k = np.arange(len(n))
-    return 0.5 * (some[k, n // 2] + some[k, (n - 1) // 2])
+    path, _, _ = smooth_paths(first, times, faces)
+    begin, n = first[:-1], np.diff(first)
+    track = np.repeat(np.arange(len(n)), n)
+    squared = [np.bincount(track, column, len(n)) / np.maximum(n, 1) for column in ((faces - path) ** 2).T]
+    unsteady = np.sqrt(np.minimum(squared[2], squared[3])) / LEAST_SCATTER
+    way, is_there = np.zeros(len(n)), n > 0
+    way[is_there] = np.linalg.norm((path[first[1:][is_there] - 1] - path[begin[is_there]])[:, :2], axis=1)
+    scatter = np.sqrt(squared[0] + squared[1]) + LEAST_SCATTER
+    return scatter, np.log1p(unsteady), np.log1p(way * np.sqrt(n) / scatter)

@@ -14,6 +14,8 @@ rays that meet it; rain, dust, spray and leaves let rays through. On a square fa
 sqrt(n) + 0.5 / n of the neighbours of a ray are on the face, too; porosity is the missing part of that share. What
 stands on the ground keeps the height of its bottom or top; segments of trees and walls do not.
 
+*Way*: a net displacement of many standard deviations speaks for motion whatever the points say (`path_terms`).
+
 *Moves now* follows from the velocity of the body's box (`moving_now`).
 
 Scans within a look are not independent and count by the time between them.
@@ -26,12 +28,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import gammaln
+from scipy.special import expit, gammaln, logit
 
 from automos.core.column_data import ColumnData
 from automos.core.scan import Mask
 from automos.objects.detections import Detections
-from automos.objects.face_paths import face_scatter
+from automos.objects.face_paths import path_terms
 from automos.objects.motion import NOISE
 from automos.objects.states import later, state_probabilities
 from automos.objects.tracks import Tracks
@@ -45,9 +47,9 @@ static object."""
 LOOK = 1.7  # seconds within which scans say the same
 WRONG = 0.001  # share of looks in which the evidence is that of the other state
 BEGIN, END = 0.003, 0.02  # changes of state per second
-BODY, PIECE, POROUS, UNSTEADY = 1.8, -3.2, -0.5, -0.6  # log-odds of moving per look: of all, and per unit of a term
+BODY, PIECE, POROUS, UNSTEADY = 1.8, -3.2, -0.5, -0.8  # log-odds of moving per look: of all, and per unit of a term
 LEAST_SOLID = 0.1  # lower limit of solidity relative to that of a solid face
-LEAST_SCATTER = 0.05  # metres, of the faces of a box
+DISPLACED, LEFT = 0.9, -2.3  # log-odds of a way: per factor e of it over its standard deviation, and of none
 SPEED = 5.0  # m/s, scale of the velocities of movers
 JUMPS = 0.05  # share of looks in which a body's box says the opposite: it is cut or joined with another
 CHANGE = 0.1  # per second, rates at which movers set off and come to rest
@@ -59,11 +61,11 @@ class SegmentTerms(ColumnData):
 
     Attributes
     ----------
-    heights : (M, 2) float64, metres, of the lower and of the upper face.
+    faces : (M, 4) float64, metres: the centre along x and y, and the heights of the lower and of the upper face.
     evidence : (M,) float64, log-likelihood ratio of the points, moved against stayed, plus that of being a body.
     """
 
-    heights: Array
+    faces: Array
     evidence: Array
 
 
@@ -79,10 +81,11 @@ def segment_terms(found: Detections, is_asked: bool = True) -> SegmentTerms:
     n = np.maximum(found.n_points, 2.0)
     porosity = np.clip(1.0 - found.solidity / (1.0 - 1.5 / np.sqrt(n) + 0.5 / n), 0.0, 1.0)
     of_bodies = PIECE * (found.part_of >= 0) + POROUS * porosity / np.maximum(1.0 - porosity, LEAST_SOLID)
-    center, half = found.boxes.center[:, 2], 0.5 * found.boxes.size[:, 2]
+    x, y, z = found.boxes.center.T
+    half = 0.5 * found.boxes.size[:, 2]
     says = is_asked | (found.n_moving + found.n_static > 0.0)
     evidence = says * (BODY + of_bodies + _doubted(_evidence(found, is_asked), WRONG))
-    return SegmentTerms(np.stack([center - half, center + half], axis=-1), evidence)
+    return SegmentTerms(np.stack([x, y, z - half, z + half], axis=-1), evidence)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,20 +124,23 @@ def judge_tracks(tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, p
     ----------
     terms : sequence of SegmentTerms, one per scan.
     stamps : (N,) float64, seconds.
-    past : of each track, if they are judged while more scans come: those of the first look share it.
+    past : of each track, if they are judged while more scans come: those of the first look share it, and the way does
+        not count, as it is not over.
     """
     known = Past.nothing(len(tracks)) if past is None else past
-    first, times, ratio = _weighted(tracks, terms, stamps, known, past is not None)
+    first, times, ratio, scatter, displaced = _weighted(tracks, terms, stamps, known, past is not None)
     _, p_ever = state_probabilities(first, times, ratio, *known.before(first, times), BEGIN, END)
+    if past is None:
+        p_ever = expit(logit(p_ever) + DISPLACED * displaced + LEFT)
     p_ever[(np.diff(first) < 2) & np.isinf(known.stamp)] = 0.0
     is_moving = p_ever >= 0.5
     verdict = np.where(is_moving, Verdict.MOVING, Verdict.STATIC).astype(np.int8)
-    return Verdicts(verdict, np.where(is_moving, p_ever, 1.0 - p_ever))
+    return Verdicts(verdict, np.where(is_moving, p_ever, 1.0 - p_ever), scatter)
 
 
 def past_of(tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, past: Past, is_over: Mask) -> Past:
     """Return the `past` of tracks once the scans `is_over` (N,), the first ones, belong to it; see `judge_tracks`."""
-    first, times, ratio = _weighted(tracks, terms, stamps, past, True)
+    first, times, ratio, *_ = _weighted(tracks, terms, stamps, past, True)
     over = np.concatenate([[0], np.cumsum(is_over[tracks.scan[tracks.is_observed]])])[first]
     rows = np.flatnonzero(is_over[tracks.scan[tracks.is_observed]])
     times, ratio = times[rows], ratio[rows]
@@ -147,19 +153,22 @@ def past_of(tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, past: 
 
 def _weighted(
     tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, past: Past, is_going_on: bool
-) -> tuple[npt.NDArray[np.int64], Array, Array]:
-    """Return the first observation of each track (T + 1,), and times (R,) and log-likelihood ratios (R,) of all."""
+) -> tuple[npt.NDArray[np.int64], Array, Array, Array, Array]:
+    """Return the first observation of each track (T + 1,), times (R,) and log-likelihood ratios (R,) of all.
+
+    Fourth and fifth are (T,) the scatter of each track, metres, and the term of its way; see `path_terms`.
+    """
     seen = np.flatnonzero(tracks.is_observed)
     first = np.searchsorted(tracks.track[seen], np.arange(len(tracks) + 1))
     times = stamps[tracks.scan[seen]]
-    every = SegmentTerms.concatenate([SegmentTerms(np.zeros((0, 2)), np.zeros(0)), *terms])
+    every = SegmentTerms.concatenate([SegmentTerms(np.zeros((0, 4)), np.zeros(0)), *terms])
     of_rows = every[_segments(tracks, seen, terms)]
-    unsteady = np.sqrt(face_scatter(first, of_rows.heights).min(axis=1)) / LEAST_SCATTER
-    ratio = of_rows.evidence + np.repeat(UNSTEADY * np.log1p(unsteady), np.diff(first))
+    scatter, unsteady, displaced = path_terms(first, times, of_rows.faces)
+    ratio = of_rows.evidence + np.repeat(UNSTEADY * unsteady, np.diff(first))
     worth = looks(first, times, since=past.stamp)
     if is_going_on:
         _share_first_looks(worth, first, times, np.isinf(past.stamp))
-    return first, times, ratio * worth
+    return first, times, ratio * worth, scatter, displaced
 
 
 def moving_now(tracks: Tracks, verdicts: Verdicts, stamps: Array) -> Tracks:

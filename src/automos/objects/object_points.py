@@ -18,7 +18,7 @@ from automos.settings import CompletionSettings
 
 Ids = npt.NDArray[np.int32]
 Array = npt.NDArray[np.float64]
-RING = 1.5  # metres around an object's box in which points are the ground beside it
+RINGS = 1.5, 4.0  # metres around an object's box in which points are the ground beside it: the wider where few are
 MIN_GROUND = 10  # least number of ground points beside an object for a plane
 ROUGHNESS, CLEARANCE = 3.0, (0.03, 0.1)
 """Height above the ground plane from which points belong to the object, in standard deviations of the ground about its
@@ -55,17 +55,20 @@ def paint_objects(
     for k in range(len(moving.track)):
         segment, center, size = moving.segment[k], moving.center[k], moving.size[k]
         turn = np.cos(moving.yaw[k]), np.sin(moving.yaw[k])
-        # The extent of the segment is more exact than the filtered box, which is used if there is no segment.
         low, high = np.array([-0.5, 0.5])[:, None] * size
         if segment >= 0:
             own = owned[(ids[owned] == segment) | (stayed[owned] == segment)]
             own = _in_box(points[own], center, turn)
-            low, high = own.min(axis=1), own.max(axis=1)
-        rows = _find_near(points, center, np.hypot(*np.maximum(-low[:2], high[:2])) + RING + margin)
+            # Of the other sides, a kind's usual one may be farther than the body's own.
+            low = np.r_[min(low[0], own[0].min()), own[1:].min(axis=1)]
+            high = np.r_[max(high[0], own[0].max()), own[1:].max(axis=1)]
+        rows = _find_near(points, center, np.hypot(*np.maximum(-low[:2], high[:2])) + RINGS[-1] + margin)
         local = _in_box(points[rows], center, turn)
         outside = np.maximum(low[:2, None] - local[:2], local[:2] - high[:2, None]).max(axis=0)
         is_mine = (outside <= margin) & (local[2] <= high[2] + margin) & may_move[rows] & (track_of[rows] < 0)
-        is_beside = is_ground[rows] & (outside > margin) & (outside <= RING + margin)
+        distances = outside[is_ground[rows] & (outside > margin)] - margin
+        ring = next((ring for ring in RINGS if np.count_nonzero(distances <= ring) >= MIN_GROUND), RINGS[0])
+        is_beside = is_ground[rows] & (outside > margin) & (outside <= ring + margin)
         must_stand = is_ground[rows] | (segment >= 0)
         is_mine &= ~must_stand | _stands(local, local[:, is_beside])
         track_of[rows[is_mine]] = moving.track[k]

@@ -25,10 +25,10 @@ from automos.settings import Settings
 Array = npt.NDArray[np.float64]
 
 
-MIN_POINTS, MIN_TIME = 50, 0.5
-"""Points and seconds, over its life, of the smallest body in any list: of what is less, neither extent nor path is
-known."""
-SCRAP = 0.95
+MIN_POINTS, MIN_TIME = 100, 1.0
+"""Points and seconds of the shortest sight without a break of a body in any list: of what is less, neither extent nor
+path is known, and what is lost and found again in pieces is another thing each time. (Of a shorter recording, half.)"""
+SCRAP = 0.9
 """Probability from which on such a scrap moves: where poses slip for a moment, everything seems to."""
 _OF_PARTS = ("track", "scan", "segment", "p_moving")
 
@@ -80,7 +80,8 @@ def follow_and_judge(scans: Scans, settings: Settings, workers: int) -> TrackedO
     tracks, parts = _bodies(scans, tracks, detections, workers)
     verdicts = judge_tracks(tracks, [segment_terms(found) for found in detections], stamps)
     kept = ~is_scenery(tracks, verdicts, detections)
-    is_scrap = verdicts.is_moving & is_small(parts, len(tracks), detections, stamps)
+    least_time = min(MIN_TIME, 0.5 * np.ptp(stamps)) if len(stamps) else 0.0
+    is_scrap = verdicts.is_moving & is_small(parts, len(tracks), detections, stamps, MIN_POINTS, least_time)
     is_sure = is_scrap & (verdicts.confidence >= SCRAP)
     scraps = of_tracks(parts, is_sure)
     scraps = replace(scraps, p_moving=verdicts[is_sure].confidence[scraps.track])
@@ -92,13 +93,25 @@ def follow_and_judge(scans: Scans, settings: Settings, workers: int) -> TrackedO
     return TrackedObjects(tracks, verdicts, places, parts, scraps)
 
 
-def is_small(parts: Tracks, n: int, detections: Sequence[Detections], stamps: Array) -> Mask:
-    """Return (T,) which of `n` tracks have too few points, or were seen for too short a time, to be bodies."""
+def is_small(
+    parts: Tracks,
+    n: int,
+    detections: Sequence[Detections],
+    stamps: Array,
+    least_points: float,
+    least_time: float,
+) -> Mask:
+    """Return (T,) which of `n` tracks are too small or too short to be bodies in every sight of them without a break.
+
+    parts : all segments of the tracks, sorted by track, then scan.
+    """
     n_points = np.nan_to_num(of_rows(parts, [found.n_points for found in detections]))
-    begin, end = np.full(n, np.inf), np.full(n, -np.inf)
-    np.minimum.at(begin, parts.track, stamps[parts.scan])
-    np.maximum.at(end, parts.track, stamps[parts.scan])
-    return (np.bincount(parts.track, n_points, n) < MIN_POINTS) | (end - begin < MIN_TIME)
+    sight = np.cumsum((np.diff(parts.track, prepend=-1) != 0) | (np.diff(parts.scan, prepend=-1) > 1)) - 1
+    first = np.flatnonzero(np.diff(sight, prepend=-1))
+    last = np.append(first[1:], len(sight))[: len(first)] - 1
+    time = stamps[parts.scan[last]] - stamps[parts.scan[first]]
+    is_enough = (np.bincount(sight, n_points, len(first)) >= least_points) & (time >= least_time)
+    return ~np.isin(np.arange(n), parts.track[first[is_enough]])
 
 
 def _bodies(scans: Scans, tracks: Tracks, detections: Sequence[Detections], workers: int) -> tuple[Tracks, Tracks]:

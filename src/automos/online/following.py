@@ -20,7 +20,7 @@ from automos.objects.judge import Past, SegmentTerms, is_scenery, judge_tracks, 
 from automos.objects.motion import smooth_paths
 from automos.objects.tracker import Tracker, can_follow, until_last_seen
 from automos.objects.tracking import is_small
-from automos.objects.tracks import Tracks, of_rows
+from automos.objects.tracks import Tracks, observed, of_rows
 from automos.objects.verdict import Verdict, Verdicts
 from automos.settings import TrackingSettings
 
@@ -29,6 +29,8 @@ MEMORY = 8.0
 SURE = 0.9
 """Probability from which on what is too small or young to be a body moves: its pose and evidence may soon change. At
 the start everything is young, and nothing can be said of what was there before."""
+FEW_POINTS, YOUNG = 50, 0.5
+"""Points, and seconds in sight, from which on it is a body."""
 FEW = 3
 """Scans that make a sight of something: fewer may be one error."""
 RECENT = 1.0
@@ -112,7 +114,7 @@ class Following:
         verdicts = self._judged(tracks, steps, terms, stamps, stamps > stamp - RECENT, past)
         self._forget(tracks, numbers, terms, stamps, past)
         if not is_followed:
-            verdicts = Verdicts(np.full_like(verdicts.verdict, Verdict.STATIC), verdicts.confidence)
+            verdicts = replace(verdicts, verdict=np.full_like(verdicts.verdict, Verdict.STATIC))
         kept = ~is_scenery(tracks, verdicts, detections)
         rows = np.flatnonzero((tracks.scan == scan) & kept[tracks.track])
         smooth = moving_now(_smooth(tracks, verdicts.is_moving, detections, stamps), verdicts, stamps)
@@ -129,7 +131,8 @@ class Following:
     ) -> Verdicts:
         """Return the verdicts on the tracks, moving for those that have moved in their life or in the last second."""
         of_life = judge_tracks(tracks, terms, stamps, past)
-        is_unsure = is_small(tracks, len(tracks), [step.found for step in steps], stamps) & (of_life.confidence < SURE)
+        is_young = is_small(observed(tracks), len(tracks), [step.found for step in steps], stamps, FEW_POINTS, YOUNG)
+        is_unsure = is_young & (of_life.confidence < SURE)
         is_new = tracks.scan[tracks.first_rows()] > 0
         of_life = _not_moving(of_life, of_life.is_moving & is_unsure & is_new)
         late = is_recent[tracks.scan]

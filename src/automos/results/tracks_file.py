@@ -57,6 +57,7 @@ class _Track(_Strict):
     p_moved: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     kind: dict[Literal["car", "large_vehicle", "two_wheeler", "person", "other"], float] = Field(default_factory=dict)
     displacement: Annotated[float, Field(ge=0.0)] = 0.0
+    displacement_sigma: Annotated[float, Field(ge=0.0)] | None = None
     moves_from: Annotated[float, Field(allow_inf_nan=False)] | None = None
     moves_until: Annotated[float, Field(allow_inf_nan=False)] | None = None
     boxes: Annotated[list[_Box], Field(min_length=1)]
@@ -113,6 +114,7 @@ def write_tracks(path: Path, trajectory: Trajectory, names: list[str], entries: 
             "velocity": "m/s",
             "stamp": "s",
             "displacement": "m",
+            "displacement_sigma": "m",
             "moves_from": "s",
             "moves_until": "s",
         },
@@ -144,8 +146,9 @@ def track_entries(tracks: Tracks, verdicts: Verdicts, trajectory: Trajectory) ->
     """Yield what tracks.json says of each track, in their order.
 
     `p_moved` is the probability that it moved at some time, `p_moving` of a box that it moves in that scan; `kind` are
-    the probabilities of each kind; `displacement`, metres, is from its first to its last box; `moves_from` and
-    `moves_until`, seconds, are the first and the last scan in which it moves, null where it never does.
+    the probabilities of each kind; `displacement`, metres, is from its first to its last box, `displacement_sigma` its
+    standard deviation, null where it is not known; `moves_from` and `moves_until`, seconds, are the first and the last
+    scan in which it moves, null where it never does.
     """
     columns = np.column_stack([tracks.center, tracks.size, tracks.yaw, tracks.velocity]).round(3).tolist()
     stamps, p_moving = np.round(trajectory.stamps, 6).tolist(), tracks.p_moving.round(3).tolist()
@@ -159,6 +162,7 @@ def track_entries(tracks: Tracks, verdicts: Verdicts, trajectory: Trajectory) ->
             }
             for r in range(rows.start, rows.stop)
         ]
+        scatter = verdicts.scatter[k]  # of either end
         sure, is_moving = float(verdicts.confidence[k]), verdicts.verdict[k] == Verdict.MOVING
         kinds = kind_probabilities(np.median(tracks.size[rows], axis=0)[None], speed[rows].max(keepdims=True))[0]
         moves = [box["stamp"] for box in boxes if is_moving and box["p_moving"] >= 0.5]
@@ -169,6 +173,7 @@ def track_entries(tracks: Tracks, verdicts: Verdicts, trajectory: Trajectory) ->
             "p_moved": round(sure if is_moving else 1.0 - sure, 3),
             "kind": {kind.name.lower(): round(float(p), 3) for kind, p in zip(Kind, kinds, strict=True)},
             "displacement": round(float(np.linalg.norm(tracks.center[rows][-1] - tracks.center[rows][0])), 3),
+            "displacement_sigma": round(float(np.sqrt(2.0) * scatter), 3) if np.isfinite(scatter) else None,
             "moves_from": min(moves, default=None),
             "moves_until": max(moves, default=None),
             "boxes": boxes,

@@ -165,7 +165,7 @@ def decided_verdicts(found: Verdicts, decided: dict[int, str]) -> Verdicts:
     verdict, confidence = found.verdict.copy(), found.confidence.copy()
     for track, word in decided.items():
         verdict[track], confidence[track] = _VERDICT[word], 1.0
-    return Verdicts(verdict, confidence)
+    return replace(found, verdict=verdict, confidence=confidence)
 
 
 # ------------------------------------------------------------------------------------------- tracks.json and run.json
