@@ -104,20 +104,17 @@ def train_network(
     accelerator = choose_accelerator(device, devices)
     lightning.seed_everything(SEED, workers=True, verbose=False)
     run = Training(settings.model_dump(mode="json"), [float(w) for w in class_weight])
-    if init is None:
-        run.network.set_scale(*scale)
-    else:
+    run.network.set_scale(*scale)
+    if init is not None:
         start = load_checkpoint(init)
         require_shape(start, settings.image, settings.model, init)
         run.network.load_state_dict(start.network.state_dict())
     best = ModelCheckpoint(out, "best-{epoch}", monitor=MONITORED, mode="max", enable_version_counter=False)
     latest = ModelCheckpoint(out, "last", enable_version_counter=False)  # of every epoch, whether it got better or not
     stop = EarlyStopping(MONITORED, mode="max", patience=_PATIENCE)
-    kept = Kept(out / "epochs", settings.training.keep, card)
-    callbacks = [best, stop, latest, kept, Told(progress, report)]
-    loaders = default_loaders(accelerator, devices) if loaders is None else loaders
+    callbacks = [best, stop, latest, Kept(out / "epochs", settings.training.keep, card), Told(progress, report)]
     at_once = settings.training.batch if accelerator == "cuda" else scans_at_once(settings)
-    data = _Data(train, validation, at_once, loaders)
+    data = _Data(train, validation, at_once, default_loaders(accelerator, devices) if loaders is None else loaders)
     last = out / "last.ckpt"
     with _quiet():
         trainer = _make_trainer(out, accelerator, devices, settings.training, at_once, callbacks)
@@ -125,15 +122,18 @@ def train_network(
             start_iou = trainer.validate(run, data.val_dataloader(), verbose=False)[0][MONITORED]
             card = {**card, "iou_before": round(start_iou, 4)}
         trainer.fit(run, datamodule=data, ckpt_path=last if last.exists() else None)
-    if stop.stopped_epoch:
-        report(f"stopped after {trainer.current_epoch} epochs: {_PATIENCE} brought nothing better")
-    state = torch.load(best.best_model_path, map_location="cpu", weights_only=True)["state_dict"]
-    run.load_state_dict(state)
-    score = {"validation_iou": round(float(best.best_model_score or 0.0), 4), "epochs": trainer.current_epoch}
-    checkpoint = run.to_checkpoint({**card, **score, "class_weight": [round(float(w), 3) for w in class_weight]})
+    _say_if_early(stop, trainer, report)
+    run.load_state_dict(torch.load(best.best_model_path, map_location="cpu", weights_only=True)["state_dict"])
+    card |= {"validation_iou": round(float(best.best_model_score or 0.0), 4), "epochs": trainer.current_epoch}
+    checkpoint = run.to_checkpoint({**card, "class_weight": [round(float(w), 3) for w in class_weight]})
     if trainer.is_global_zero:
         save_checkpoint(out / "best.pt", checkpoint)
     return checkpoint
+
+
+def _say_if_early(stop: EarlyStopping, trainer: lightning.Trainer, report: Callable[[str], object]) -> None:
+    if stop.stopped_epoch:
+        report(f"stopped after {trainer.current_epoch} epochs: {_PATIENCE} brought nothing better")
 
 
 def _make_trainer(
