@@ -342,14 +342,4 @@ BENCHMARKS = {
         is_timed=True,
         is_of_everything=True,
     ),
-    "libraries": Benchmark(
-        "code of ours beside libraries",
-        "5 min",
-        "libraries:part",
-        sweep=tuple({"job": name} for name in ("files", "images", "pool", "trajectory", "clusters", "packages")),
-        quick_sweep=({"job": "files"},),
-        leaves_out="a first call",
-        is_timed=True,
-        is_of_everything=True,
-    ),
 }

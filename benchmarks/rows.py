@@ -412,35 +412,3 @@ def fleet(rows: list[Row]) -> Lines:
         memory = f"{row['peak_mb_first_quarter']:.0f} -> {row['peak_mb']:.0f} MB"
         lines.append([kind, str(row["recordings"]), *cells, f"{row['overhead_per_recording_s']:.2f} s", memory])
     return lines
-
-
-def libraries(rows: list[Row]) -> Lines:
-    """Return one row a job and implementation, with all that was measured of it."""
-    lines = [["job", "of", "measured"]]
-    for row in rows:
-        if row["job"] != "packages":
-            lines += [[row["job"], name, _facts(facts)] for name, facts in row["found"].items()]
-    return lines
-
-
-def packages(rows: list[Row]) -> Lines:
-    """Return one row a library: version, licence, sizes."""
-    lines = [["library", "version", "licence", "MB", "MB with what it needs beside ours"]]
-    for row in rows:
-        if row["job"] == "packages":
-            for name, one in row["found"].items():
-                sizes = [f"{one['own MB']:.1f}", f"{one['MB beside ours']:.1f}"]
-                lines.append([name, one["version"], one["licence"], *sizes])
-    return lines
-
-
-def _facts(facts: Row) -> str:
-    return "; ".join(f"{name}: {_fact(value)}" for name, value in facts.items())
-
-
-def _fact(value: object) -> str:
-    if isinstance(value, dict):
-        return f"({_facts(value)})"
-    if isinstance(value, float):
-        return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
-    return f"{value:,}" if isinstance(value, int) and not isinstance(value, bool) else str(value)

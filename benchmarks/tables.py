@@ -85,8 +85,6 @@ TABLES = {
     "shipped-network": Table("shipped-network", make.shipped_network),
     "network-speed": Table("network-speed", make.network_speed),
     "fleet": Table("fleet", make.fleet),
-    "libraries": Table("libraries", make.libraries),
-    "packages": Table("libraries", make.packages),
 }
 
 

@@ -1,1 +1,0 @@
-"""Proofs that programs of others read what is exported."""
