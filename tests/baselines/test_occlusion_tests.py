@@ -85,14 +85,6 @@ def test_case_1_what_lies_little_before_a_surface_that_ran_on_through_there_is_n
     assert events(screen(18.3, 0.03, 0.03), wall).all()
 
 
-def test_what_lies_at_the_edge_of_the_view_is_no_event():
-    wall, mover = screen(20.0), screen(10.0, 0.03, 0.03)
-    images = [image(wall, -0.1 * i) for i in (1, 2, 3)]
-    frame = Frame(mover, np.arange(len(mover)), len(mover), HERE, 0.0)
-    found = _Tests(KITTI, SHAPE, (-1.0, 0.01)).find_events(frame, 0.0, images)
-    assert (found == (mover[:, 2] <= 0.1)).all()
-
-
 @pytest.mark.parametrize("speed", [8.0, -8.0])
 def test_cases_2_and_3_what_goes_along_the_ray_is_an_event(speed):
     seen = [screen(15.0 - 0.1 * i * speed) for i in range(4)]

@@ -34,7 +34,7 @@ def test_formats_lists_all_that_is_read_and_written_and_what_each_needs(monkeypa
     assert done.exit_code == 0, done.output
     words = set(done.output.split())
     assert {*FORMATS, *CODECS, *EXPORTS} <= words
-    assert {"arrow", "ros", "las", "velodyne"} <= words
+    assert {"arrow", "ros", "las", "e57"} <= words
     assert pip_install("EXTRA") in done.output
 
 

@@ -14,7 +14,7 @@ from automos.core.geometry import transform
 from automos.core.range_image import find_neighbours, make_image, project
 from automos.core.scan import Scan
 from automos.core.upright_boxes import iou_3d, points_in_boxes
-from automos.core.voxels import VoxelMap
+from automos.core.voxels import VoxelMap, rows_of_first_in_voxel
 from automos.evidence import ego_body, on_body, votes
 from automos.evidence.clouds import in_clouds
 from automos.evidence.ground import find_ground
@@ -82,6 +82,7 @@ def _erasor(points: np.ndarray) -> None:
     voxels.add(points)
     voxels._reserve(1 << 16)
     assert len(voxels.mean) == len(voxels)
+    rows_of_first_in_voxel(points, 0.5)
 
 
 def _instances(points: np.ndarray) -> None:
@@ -114,10 +115,10 @@ def _tracking(points: np.ndarray) -> None:
     smooth(np.arange(len(points)) * 0.1, np.full(len(points), np.nan), 0.01, 1.0)
     smooth(points[:, 1].astype(float), points[:, 0].astype(float), 0.01, 1.0)
     values = points.astype(float)
-    state_probabilities(values[:, :2], np.arange(len(points)) * 0.1, 0.1, 0.01, 0.02, 0.5)
     columns = places.touched_columns(make_boxes(np.clip(np.nan_to_num(points), -50, 50)))
     places.held_places(points, some, ~some, columns)
-    whole = np.array([0, len(points)])
+    whole, even = np.array([0, len(points)]), np.array([0.5])
+    state_probabilities(whole, np.arange(len(points)) * 0.1, values[:, 0].copy(), even, even, 0.01, 0.02)
     path_terms(whole, np.arange(len(points)) * 0.1, np.hstack([values, values])[:, :4])
 
 

@@ -95,7 +95,7 @@ def test_labels_without_a_moving_point_are_told(world, tmp_path):
     folder = write_labelled(world, tmp_path / "still", still)
     recordings = open_labelled([Source(folder)], settings(), tmp_path / "poses")
     with pytest.raises(InputError, match="no moving point in the labels of still"):
-        measure_classes(recordings, 4)
+        measure_classes(recordings, n_scans=4)
 
 
 def test_epochs_draw_anew_and_equal_epochs_alike(recordings):

@@ -33,7 +33,6 @@ def test_what_is_compressed_is_to_be_unpacked_and_is_not_called_damaged(tmp_path
 @pytest.mark.parametrize(
     ("name", "content", "told"),
     [
-        ("a.E57", b"ASTM-E57", "single E57 file, .* export its scans"),
         ("renamed.bin2", b"livox_tech".ljust(16, b"\0"), "Livox's viewer"),
     ],
 )

@@ -22,7 +22,7 @@ from automos.odometry.elevation import raised_scan
 from automos.odometry.followed import Posed, TimedScan
 from automos.odometry.links import MIN_MATCHED, Alignment, Consistency, Links
 from automos.odometry.motion import MIN_POINTS, usable_points
-from automos.odometry.refine import align, refine_poses, solve_links
+from automos.odometry.refine import align, refine_poses, registered, solve_links
 from automos.odometry.settling import elevation_in, settle
 from automos.odometry.speed import SpeedSearch
 from automos.odometry.surfels import Surfels, surfels_of
@@ -38,6 +38,11 @@ PATIENT = 4.0
 """Seconds from which on the speed and missing scans are found in windows, between which nobody needs a pose."""
 FIRST_STEPS = np.concatenate([s * np.vstack([np.eye(6)[:2], -np.eye(6)[:2]]) for s in (0.4, 0.8, 1.2, 1.8, 2.5)])
 """Metres along the sensor's axes, starts for the second scan: a registration that starts at rest may stay there."""
+DOUBTFUL = 0.5
+"""Of the share of surfels that fitted in the last scans, from which on a scan fits."""
+WIDE = (3.0, 1.0)
+"""Metres between points that match, of a scan that does not: a sensor in a hand is turned within a scan, by more than
+surfaces are looked for."""
 
 
 class Path:
@@ -87,6 +92,7 @@ class Path:
         nothing = np.zeros((0, 6)), np.zeros((0, 4, 4)), np.zeros(0)
         self.window = Window([], *nothing, USUAL_PERIOD, 0.0)
         self._leaving = dict[float, Pose]()
+        self._share = 0.0  # of surfels that fitted in the last scans
         self._n_final, self._is_one = 0, True  # how many of the window's scans; whether they are of one LiDAR
         self._links = Links(Alignment(), pool)
 
@@ -180,19 +186,24 @@ class Path:
         self.twist = se3_log(inverse(before) @ last) / self.window.gaps[-1]
 
     def _align_newest(self) -> float:
-        """Align the newest scan from its predicted pose; the second one from many, since the motion is not known.
+        """Align the newest scan from its predicted pose; the second one from many, one that does not fit from points.
 
         Return the share of its surfels that lie on a surface then.
         """
         window, n = self._recent(), len(self.window) + self.window.first
         T_before, expected = window.T_world_sensor[-2], window.T_world_sensor[-1]
         found, share = self._aligned_from(window, expected)
+        guesses: list[Pose] = []
         if n == 2 and not self._is_start_known:
             guesses = [T_before @ se3_exp(first) for first in FIRST_STEPS]
+        elif share < DOUBTFUL * self._share:
+            guesses = [registered(window, expected, WIDE)]
+        if guesses:
             other, share_there = max((self._aligned_from(window, guess) for guess in guesses), key=lambda one: one[1])
             if share_there > share:
                 found, share = other, share_there
         self._take(found)
+        self._share = max(share, 0.9 * self._share)
         return share
 
     def _recent(self) -> Window:

@@ -12,8 +12,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from automos.core.geometry import Array, adjoint, inverse, se3_exp, se3_log
+from automos.core.geometry import Array, adjoint, inverse, se3_exp, se3_log, transform
 from automos.core.normal_equations import FIXED, NormalEquations
+from automos.core.scan import Pose
 from automos.odometry.links import MIN_MATCHED, Alignment, Consistency, Link, Links, consistency_of
 from automos.odometry.motion import can_be_driven
 from automos.odometry.speed import SpeedSearch, is_ahead, lengthen, search_speed
@@ -145,3 +146,22 @@ def _at_likely_speed(
             if is_ahead(found.landmarks, search.landmarks, is_possible):
                 window, search = other, found
     return window, search
+
+
+def registered(window: Window, T_guess: Pose, distances: tuple[float, ...]) -> Pose:
+    """Return the (4, 4) pose of the newest scan by registration of its points with those of the scans before it.
+
+    distances : metres between points that match at most, one registration each.
+    """
+    import small_gicp
+
+    before = [
+        transform(T, surfels.mean.astype(np.float64))
+        for T, surfels in zip(window.T_world_sensor[:-1], window.surfels[:-1], strict=True)
+    ]
+    newest = window.surfels[-1].mean.astype(np.float64)
+    for distance in distances:
+        T_guess = small_gicp.align(
+            np.concatenate(before), newest, T_guess, registration_type="GICP", max_correspondence_distance=distance
+        ).T_target_source
+    return T_guess

@@ -247,7 +247,7 @@ def test_whose_packets_a_capture_holds_is_told_by_them_not_by_its_name(tmp_path)
         open_sequence(other)
     with pytest.raises(InputError, match=r"b.pcap is not a recording of format 'packets' \(packets: .pcap"):
         open_sequence(other, "velodyne")
-    with pytest.raises(InputError, match=r"b.pcap holds no packets of a known Velodyne; give another file"):
+    with pytest.raises(InputError, match=r"b.pcap holds no packets of a known sensor; give another file"):
         PacketSequence(other)
     with pytest.raises(InputError, match=r"a.pcap has no metadata a.json beside it"):
         open_sequence(velodyne, "ouster")
@@ -318,7 +318,7 @@ def test_a_capture_of_wiresharks_kind_that_is_cut_empty_or_damaged_is_told(tmp_p
     ):
         open_sequence(path)
     write_pcapng(path, frames, link=105)
-    with pytest.raises(InputError, match=r"drive.pcapng holds no packets of a known Velodyne"):
+    with pytest.raises(InputError, match=r"drive.pcapng holds no packets of a known sensor"):
         PacketSequence(path)
 
 

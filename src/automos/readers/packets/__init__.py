@@ -26,8 +26,8 @@ def _open(path: Path) -> Sequence:
 
 
 FORMAT = Format(
-    layout="packets: .pcap or .pcapng of Velodyne, Hesai, RoboSense or Livox, .lvx, .lvx2; of several give one: "
-    "drive.pcap/ADDRESS-PORT",
+    layout="packets: .pcap or .pcapng of Velodyne (extra velodyne), Hesai, RoboSense or Livox, .lvx, "
+    ".lvx2; of several give one: drive.pcap/ADDRESS-PORT",
     truth="",
     find=_find,
     open=_open,
