@@ -269,10 +269,6 @@ def test_clouds_of_hostile_sizes_are_told(tmp_path, height_width):
 
 
 PACKETS = (
-    "pandar_msgs/msg/PandarScan",
-    "hesai_ros_driver/msg/UdpFrame",
-    "rslidar_msg/msg/RslidarPacket",
-    "rslidar_msgs/rslidarScan",
     "ouster_ros/msg/PacketMsg",
     "ouster_sensor_msgs/msg/PacketMsg",
     "point_cloud_interfaces/msg/CompressedPointCloud2",
@@ -285,7 +281,7 @@ def test_other_encodings_and_packets_of_other_makers_are_named(tmp_path):
         open_sequence(path)
     for kind in PACKETS:
         path = write(tmp_path / "a.mcap", [(0, b"1234")], (kind, "ros2msg", b""), "cdr", topic="/packets")
-        with pytest.raises(InputError, match=r"packets is cut short|compressed clouds \(/packets .*driver and record"):
+        with pytest.raises(InputError, match=r"compressed clouds \(/packets .*driver and record"):
             open_sequence(path)
 
 

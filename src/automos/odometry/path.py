@@ -22,7 +22,7 @@ from automos.odometry.elevation import raised_scan
 from automos.odometry.followed import Posed, TimedScan
 from automos.odometry.links import MIN_MATCHED, Alignment, Consistency, Links
 from automos.odometry.motion import MIN_POINTS, usable_points
-from automos.odometry.refine import align, refine_poses, registered, solve_links
+from automos.odometry.refine import align, first_steps, refine_poses, registered, solve_links
 from automos.odometry.settling import elevation_in, settle
 from automos.odometry.speed import SpeedSearch
 from automos.odometry.surfels import Surfels, surfels_of
@@ -36,13 +36,8 @@ WINDOW = 20.0
 """Seconds that are refined at once at most: many times the longest baseline."""
 PATIENT = 4.0
 """Seconds from which on the speed and missing scans are found in windows, between which nobody needs a pose."""
-FIRST_STEPS = np.concatenate([s * np.vstack([np.eye(6)[:2], -np.eye(6)[:2]]) for s in (0.4, 0.8, 1.2, 1.8, 2.5)])
-"""Metres along the sensor's axes, starts for the second scan: a registration that starts at rest may stay there."""
 DOUBTFUL = 0.5
 """Of the share of surfels that fitted in the last scans, from which on a scan fits."""
-WIDE = (3.0, 1.0)
-"""Metres between points that match, of a scan that does not: a sensor in a hand is turned within a scan, by more than
-surfaces are looked for."""
 
 
 class Path:
@@ -191,15 +186,11 @@ class Path:
         Return the share of its surfels that lie on a surface then.
         """
         window, n = self._recent(), len(self.window) + self.window.first
-        T_before, expected = window.T_world_sensor[-2], window.T_world_sensor[-1]
-        found, share = self._aligned_from(window, expected)
-        guesses: list[Pose] = []
-        if n == 2 and not self._is_start_known:
-            guesses = [T_before @ se3_exp(first) for first in FIRST_STEPS]
-        elif share < DOUBTFUL * self._share:
-            guesses = [registered(window, expected, WIDE)]
-        if guesses:
-            other, share_there = max((self._aligned_from(window, guess) for guess in guesses), key=lambda one: one[1])
+        found, share = self._aligned_from(window, window.T_world_sensor[-1])
+        is_second = n == 2 and not self._is_start_known
+        if is_second or share < DOUBTFUL * self._share:
+            starts = first_steps(window) if is_second else [registered(window)]
+            other, share_there = max((self._aligned_from(window, start) for start in starts), key=lambda one: one[1])
             if share_there > share:
                 found, share = other, share_there
         self._take(found)

@@ -26,6 +26,11 @@ INFORMATION = 0.05
 """Share of a surfel's weight that counts, since errors of neighbouring surfels are correlated."""
 LOOSE = 1e-3  # prior information on every pose, which keeps scans without links in place
 SPEED_ROUNDS = 5  # searches for the speed, at most, each from the poses of the previous one
+FIRST_STEPS = np.concatenate([s * np.vstack([np.eye(6)[:2], -np.eye(6)[:2]]) for s in (0.4, 0.8, 1.2, 1.8, 2.5)])
+"""Metres along the sensor's axes."""
+WIDE = (3.0, 1.0)
+"""Metres between points that match, of a scan that does not fit: a sensor in a hand is turned within a scan, by more than
+surfaces are looked for."""
 
 
 def align(
@@ -148,20 +153,22 @@ def _at_likely_speed(
     return window, search
 
 
-def registered(window: Window, T_guess: Pose, distances: tuple[float, ...]) -> Pose:
-    """Return the (4, 4) pose of the newest scan by registration of its points with those of the scans before it.
+def first_steps(window: Window) -> list[Pose]:
+    """Return (4, 4) poses that the second scan may have: a registration that starts at rest may stay there."""
+    return [window.T_world_sensor[-2] @ se3_exp(step) for step in FIRST_STEPS]
 
-    distances : metres between points that match at most, one registration each.
-    """
+
+def registered(window: Window) -> Pose:
+    """Return the (4, 4) pose of the newest scan by registration of its points with those of the scans before it."""
     import small_gicp
 
     before = [
         transform(T, surfels.mean.astype(np.float64))
         for T, surfels in zip(window.T_world_sensor[:-1], window.surfels[:-1], strict=True)
     ]
-    newest = window.surfels[-1].mean.astype(np.float64)
-    for distance in distances:
-        T_guess = small_gicp.align(
-            np.concatenate(before), newest, T_guess, registration_type="GICP", max_correspondence_distance=distance
+    newest, T = window.surfels[-1].mean.astype(np.float64), window.T_world_sensor[-1]
+    for distance in WIDE:
+        T = small_gicp.align(
+            np.concatenate(before), newest, T, registration_type="GICP", max_correspondence_distance=distance
         ).T_target_source
-    return T_guess
+    return T
