@@ -29,8 +29,8 @@ SPEED_ROUNDS = 5  # searches for the speed, at most, each from the poses of the 
 FIRST_STEPS = np.concatenate([s * np.vstack([np.eye(6)[:2], -np.eye(6)[:2]]) for s in (0.4, 0.8, 1.2, 1.8, 2.5)])
 """Metres along the sensor's axes."""
 WIDE = (3.0, 1.0)
-"""Metres between points that match, of a scan that does not fit: a sensor in a hand is turned within a scan, by more than
-surfaces are looked for."""
+"""Metres between points that match, of a scan that does not fit: a sensor in a hand is turned within a scan by more
+than surfaces are looked for."""
 
 
 def align(
