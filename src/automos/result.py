@@ -19,6 +19,7 @@ from automos.core.array_sequence import as_sequence
 from automos.core.atomic import atomic_path, held
 from automos.core.claims import MARK, RESULTS, claim, remove
 from automos.core.errors import InputError
+from automos.core.labels import Label
 from automos.core.scan import Sequence
 from automos.core.workspace import RUN_FILE, Workspace
 from automos.odometry.trajectory import Trajectory
@@ -180,7 +181,7 @@ class LabelledPoints:
         return len(self.labels)
 
     def __repr__(self) -> str:
-        n_moving = int((self.labels == 251).sum())
+        n_moving = int((self.labels == Label.MOVING).sum())
         return f"<LabelledPoints of scan {self._result.names[self._index]}: {len(self)} points, {n_moving} moving>"
 
     @cached_property

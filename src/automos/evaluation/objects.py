@@ -150,9 +150,9 @@ def association(movers: Movers) -> float:
 
 def scores_of_objects(overlaps: Overlaps) -> dict[str, Any]:
     """Return all measures of a recording's objects, or of several `pooled`, as plain numbers, nan if undefined."""
-    from automos.evaluation.tracking import hota, identity
+    from automos.evaluation.tracking import detections, hota, identity
 
-    movers, tracks = movers_of(overlaps), count_tracks(overlaps)
+    movers, tracks, found = movers_of(overlaps), count_tracks(overlaps), detections(overlaps)
     return {
         "movers": {f"{least}+ points": outcomes(movers, least) for least in SIZES},
         "association": association(movers),
@@ -162,6 +162,6 @@ def scores_of_objects(overlaps: Overlaps) -> dict[str, Any]:
         "unowned_elsewhere": (
             tracks.unowned_elsewhere / tracks.moving_elsewhere if tracks.moving_elsewhere else float("nan")
         ),
-        **hota(overlaps),
-        **identity(overlaps),
+        **hota(found),
+        **identity(found),
     }

@@ -60,11 +60,14 @@ def tracks_of(folder: Path, name: str, packed: npt.NDArray[np.uint32]) -> npt.ND
     is_moving = to_mos(packed) == Label.MOVING
     if (packed >> 16).any() or not is_moving.any():
         return (packed >> 16).astype(np.int64)
-    home = folder.parent if folder.name == "predictions" else folder
-    key = Workspace(home).read_run().get("stages", {}).get("labels")
-    stages = (REVIEWED, "labels")  # what a person decided, where anything was, else what the run found
-    stage = next((s for s in stages if (home / "stages" / f"{s}-{key}" / f"{name}.npz").exists()), None)
-    if stage is None:
-        return None
-    tracks = Workspace(home).stage(stage, str(key)).load(name, "track")["track"]
-    return np.where(is_moving, tracks.astype(np.int64) + 1, 0)
+    tracks = stored(folder.parent if folder.name == "predictions" else folder, name, "track")
+    return None if tracks is None else np.where(is_moving, tracks.astype(np.int64) + 1, 0)
+
+
+def stored(folder: Path, name: str, what: str) -> npt.NDArray | None:
+    """Return `what` (N,) a person decided of scan `name`, where anything was, else what the run found; None of none."""
+    key = Workspace(folder).read_run().get("stages", {}).get("labels")
+    for stage in (REVIEWED, "labels"):
+        if (folder / "stages" / f"{stage}-{key}" / f"{name}.npz").exists():
+            return Workspace(folder).stage(stage, str(key)).load(name, what)[what]
+    return None

@@ -25,7 +25,7 @@ _EPS = np.finfo(np.float64).eps
 
 
 @dataclass(frozen=True, eq=False)
-class _Detections:
+class Detections:
     """What the scans hold: of each scan the rows of its movers and tracks, and their similarity (G, T)."""
 
     n_movers: int
@@ -36,12 +36,11 @@ class _Detections:
         return iter(self.scans)
 
 
-def hota(overlaps: Overlaps) -> dict[str, float]:
+def hota(found: Detections) -> dict[str, float]:
     """Return HOTA and its parts, detection and association accuracy (DetA, AssA), means over `ALPHAS`, in [0, 1].
 
     All are nan of a recording in which nothing moves, neither in truth nor by the labels.
     """
-    found = _detections(overlaps)
     alike = np.zeros((found.n_movers, found.n_tracks))
     of_mover, of_track = np.zeros((found.n_movers, 1)), np.zeros((1, found.n_tracks))
     for movers, tracks, similarity in found:
@@ -67,9 +66,8 @@ def hota(overlaps: Overlaps) -> dict[str, float]:
     return dict(zip(("hota", "det_a", "ass_a"), means.tolist(), strict=True))
 
 
-def identity(overlaps: Overlaps) -> dict[str, float]:
+def identity(found: Detections) -> dict[str, float]:
     """Return IDF1, in [0, 1]: of movers and tracks paired one to one so that most detections agree; nan of none."""
-    found = _detections(overlaps)
     agree = np.zeros((found.n_movers, found.n_tracks))
     n_detections = 0
     for movers, tracks, similarity in found:
@@ -79,7 +77,7 @@ def identity(overlaps: Overlaps) -> dict[str, float]:
     return {"idf1": float(2.0 * right / n_detections) if n_detections else float("nan")}
 
 
-def _detections(overlaps: Overlaps) -> _Detections:
+def detections(overlaps: Overlaps) -> Detections:
     """Return each scan's movers and tracks, and the IoU of their points."""
     movers, tracks = (np.unique(column[column > 0]) for column in (overlaps.mover, overlaps.track))
     scans = []
@@ -96,4 +94,4 @@ def _detections(overlaps: Overlaps) -> _Detections:
         both = shared[:-1, :-1]
         union = shared[:-1].sum(axis=1)[:, None] + shared[:, :-1].sum(axis=0)[None, :] - both
         scans.append((np.searchsorted(movers, own), np.searchsorted(tracks, found), both / np.maximum(union, 1.0)))
-    return _Detections(len(movers), len(tracks), scans)
+    return Detections(len(movers), len(tracks), scans)

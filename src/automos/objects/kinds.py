@@ -7,6 +7,7 @@ the extents that a body never showed.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import IntEnum
 
 import numpy as np
@@ -23,6 +24,11 @@ class Kind(IntEnum):
     TWO_WHEELER = 2
     PERSON = 3
     OTHER = 4
+
+
+def likeliest(probabilities: Mapping[str, float]) -> Kind:
+    """Return the likeliest of the kinds named in lower case, OTHER of none."""
+    return Kind[max(probabilities, key=probabilities.__getitem__, default="other").upper()]
 
 
 EXTENT = np.array([[4.5, 1.85, 1.6], [8.0, 2.6, 3.2], [1.8, 0.65, 1.5], [0.75, 0.7, 1.7]])

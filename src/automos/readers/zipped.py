@@ -12,11 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.core.errors import InputError
+from automos.core.own_sequence import OwnSequence
 from automos.core.reading import MAX_TEXT
-from automos.core.scan import Scan, Sequence
 from automos.readers.codecs import CODEC_OF_SUFFIX, read_columns
 from automos.readers.columns import Columns
 from automos.readers.formats import Format
@@ -58,10 +57,8 @@ def read(path: Path) -> Columns:
             raise InputError(str(error).replace(str(cloud), f"{path}/{clouds[0].filename}")) from None
 
 
-class ZippedSequence(Sequence):
+class ZippedSequence(OwnSequence):
     """The recording in an archive, which lies in a temporary folder for as long as this does."""
-
-    source: Path
 
     def __init__(self, path: Path, codec: str | None = None):
         """Unpack the archive at `path`.
@@ -73,9 +70,8 @@ class ZippedSequence(Sequence):
         """
         from automos.readers import open_sequence
 
-        self.source, self.name = path, path.stem
         self._folder = tempfile.TemporaryDirectory(prefix="automos-")
-        place = Path(self._folder.name) / self.name
+        place = Path(self._folder.name) / path.stem
         with _opened(path) as archive:
             needed, room = sum(member.file_size for member in archive.infolist()), shutil.disk_usage(place.parent).free
             if needed > 0.9 * room:
@@ -86,38 +82,30 @@ class ZippedSequence(Sequence):
             if not place.is_dir():
                 break
         try:
-            self._inside = open_sequence(place, codec)
+            super().__init__(open_sequence(place, codec))
         except InputError as error:
             raise InputError(str(error).replace(self._folder.name, str(path.parent))) from None
 
-    def __len__(self) -> int:
-        return len(self._inside)
+        self.source, self.name, self._archive = path, path.stem, path
 
-    def __getitem__(self, index: int) -> Scan:
-        return self._inside[index]
+    @property
+    def address(self) -> Path:
+        """The archive."""
+        return self._archive
 
-    def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
-        """Return the labels that came with scan `index`."""
-        return self._inside.truth(index)
-
-    def truth_motion(self, index: int) -> npt.NDArray[np.float32] | None:
-        """Return the motion that came with scan `index`."""
-        return self._inside.truth_motion(index)
+    @property
+    def about(self) -> dict[str, str]:
+        """As what is in it has it."""
+        return self._given.about
 
     def fingerprint(self) -> str:
         """Return a text that changes when the archive does."""
-        return f"{super().fingerprint()}:{digest_of_files([self.source])}"
+        return f"{type(self).__name__}:{self.name}:{len(self)}:{digest_of_files([self._archive])}"
 
     def __getstate__(self) -> dict[str, Any]:
-        return {key: value for key, value in self.__dict__.items() if key != "_folder"}
+        """Return what another process gets: the folder is this one's to remove."""
+        return {key: value for key, value in super().__getstate__().items() if key != "_folder"}
 
-
-def _of_inside(name: str) -> property:
-    return property(lambda sequence: getattr(sequence._inside, name))
-
-
-for _name in ("names", "stamps", "about", "is_compensated", "reference_poses", "repeats", "warnings"):
-    setattr(ZippedSequence, _name, _of_inside(_name))
 
 FORMAT = Format(
     layout="an archive: .zip of a recording",

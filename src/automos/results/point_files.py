@@ -11,8 +11,7 @@ from automos.core.atomic import write_npy, write_raw
 from automos.core.errors import InputError
 from automos.core.label_files import read_confidences, read_labels
 from automos.core.labels import Label, as_probability, pack, to_mos
-from automos.core.workspace import REVIEWED, Workspace
-from automos.evaluation.predictions import tracks_of
+from automos.evaluation.predictions import stored, tracks_of
 
 
 def no_points() -> dict[str, int]:
@@ -81,14 +80,10 @@ class PointFiles:
         InputError
             Neither the label files nor the run's stages say so.
         """
-        tracks = self.tracks_of_points(index, n_points)
+        tracks = tracks_of(self.folder, self.names[index], self.packed(index, n_points))
         if tracks is None:
             raise self._silent("which object each point belongs to", "--set output.track_ids=true")
         return tracks
-
-    def tracks_of_points(self, index: int, n_points: int | None = None) -> npt.NDArray[np.int64] | None:
-        """Return what `instances` does, or None where nothing says so."""
-        return tracks_of(self.folder, self.names[index], self.packed(index, n_points))
 
     def confidence(self, index: int) -> npt.NDArray[np.float32]:
         """Return (N,) the probability in [0, 1] that each label of scan `index` is right, 0 where nothing was found.
@@ -101,13 +96,10 @@ class PointFiles:
         path = self.folder / "confidences" / f"{self.names[index]}.npy"
         if path.exists():
             return read_confidences(path, len(self.packed(index)))
-        key, name = Workspace(self.folder).read_run().get("stages", {}).get("labels"), self.names[index]
-        for stage in (REVIEWED, "labels"):  # what a person decided, where anything was, else what the run found
-            if (self.folder / "stages" / f"{stage}-{key}" / f"{name}.npz").exists():
-                return as_probability(
-                    Workspace(self.folder).stage(stage, str(key)).load(name, "confidence")["confidence"]
-                )
-        raise self._silent("how sure each label is", "--confidence")
+        found = stored(self.folder, self.names[index], "confidence")
+        if found is None:
+            raise self._silent("how sure each label is", "--confidence")
+        return as_probability(found)
 
     def _silent(self, asked: str, option: str) -> InputError:
         return InputError(f"{self.folder} does not say {asked}; label again with {option}")

@@ -24,7 +24,7 @@ from automos.core.scan import GROUND, Frame, Points, Pose, Scan, Sequence
 from automos.core.upright_boxes import Boxes
 from automos.core.workspace import Workspace, require_same
 from automos.evaluation.predictions import find_predictions
-from automos.objects.kinds import Kind
+from automos.objects.kinds import Kind, likeliest
 from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.trajectory import SequenceFrames, Trajectory, make_frame
 from automos.results.point_files import PointFiles
@@ -209,8 +209,7 @@ class RunFiles(PointFiles):
 
     @cached_property
     def _kind_of_track(self) -> dict[int, Kind]:
-        found = {track["id"]: track.get("kind") for track in self.tracks_file["tracks"]}
-        return {track: Kind[max(odds, key=odds.get).upper()] for track, odds in found.items() if odds}
+        return {track["id"]: likeliest(track.get("kind", {})) for track in self.tracks_file["tracks"]}
 
     @cached_property
     def _table(self) -> dict[str, npt.NDArray]:

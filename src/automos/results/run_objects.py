@@ -12,6 +12,7 @@ import numpy.typing as npt
 from automos.core.errors import MissingExtraError
 from automos.core.extras import pip_install
 from automos.core.upright_boxes import Boxes
+from automos.objects.kinds import likeliest
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -85,7 +86,7 @@ class Object:
     @property
     def kind(self) -> str:
         """The likeliest kind."""
-        return max(self.kinds, key=self.kinds.__getitem__, default="other")
+        return likeliest(self.kinds).name.lower()
 
     @property
     def moves(self) -> npt.NDArray[np.bool_]:

@@ -26,6 +26,8 @@ class Gain:
     def count(self) -> None:
         """Count all scans with truth that were not counted yet or were written since; without truth, none."""
         with self._counting:
+            if self._is_whole and not self._found:
+                return  # there is no truth
             try:
                 for index, name in enumerate(self._stages.names):
                     self._count_scan(index, name)

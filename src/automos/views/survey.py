@@ -15,6 +15,7 @@ from automos.core.workspace import Workspace
 from automos.evaluation.moving import Counts, Scores, count
 from automos.evaluation.objects import FOUND, movers_of
 from automos.evaluation.overlaps import Overlaps, count_overlaps
+from automos.evaluation.predictions import tracks_of
 from automos.results.run_files import RunFiles
 from automos.views.caveats import caveats
 from automos.views.ground_map import FALSE, MISSED, MOVES, STANDS, GroundMap
@@ -46,11 +47,12 @@ def survey(run: RunFiles) -> dict[str, Any]:
     truth = _Truth(n)
     for i in run.each("report"):
         scan = run.scan(i)
-        labels = run.labels(i, len(scan))
+        packed = run.packed(i, len(scan))
+        labels = to_mos(packed)
         points[i] = [(labels == label).sum() for label in _CLASSES]
         level = transform(T_level_sensor[i], run.points_at_pose(scan, i))
         is_shown = scan.is_valid & (labels != Label.UNLABELED)
-        owners = run.tracks_of_points(i, len(scan))
+        owners = tracks_of(run.folder, run.names[i], packed)
         sure.add(labels, owners)
         kinds = truth.compare(i, run, labels, scan.points, owners)
         ground.add(level[is_shown], kinds[is_shown])
