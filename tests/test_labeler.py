@@ -176,7 +176,6 @@ def test_a_scan_that_came_twice_has_the_labels_of_the_first():
         np.testing.assert_array_equal(given[10].labels, given[9].labels)
 
 
-@pytest.mark.xfail(reason="a stream that begins at the second scan of this lane finds the mover late", strict=False)
 @pytest.mark.parametrize(
     ("gap", "reason"),
     [(1.0, "no scans for 1.0 s"), (30.0, "no scans for 30.0 s"), (-50.0, "set back")],

@@ -10,7 +10,7 @@ from automos.core.array_sequence import ArraySequence
 from automos.core.errors import InputError
 from automos.core.scan import Scan
 from automos.odometry.doubts import doubts
-from automos.odometry.estimate import Followed, estimate_trajectory
+from automos.odometry.estimate import PosesSoFar, estimate_trajectory
 from automos.odometry.estimator import Odometry
 from automos.settings import OdometrySettings
 
@@ -56,7 +56,7 @@ def test_short_recordings_have_trajectories(scans, n):
 
 def test_a_lag_longer_than_the_recording_gives_its_poses_to_the_last_bit(scans):
     sequence, settings = sequence_of([untimed(s) for s in scans]), OdometrySettings()
-    whole, so_far = estimate_trajectory(sequence, settings), Followed()
+    whole, so_far = estimate_trajectory(sequence, settings), PosesSoFar()
     with ThreadPoolExecutor(2) as pool:
         odometry = Odometry(settings, pool, lag=60.0)
         for scan, stamp in zip(sequence, sequence.stamps, strict=True):

@@ -161,7 +161,7 @@ def test_many_decisions_on_one_object_are_all_done_with_in_the_end(server):
     status, text = ask(server, "/api/finish", {})
     assert status == 200
     said = json.loads(text)
-    said.pop("iou")
+    assert set(said.pop("iou")) == {"found", "now"}
     assert said == {"waiting": 0, "problem": None, "decided": 1, "finishing": False}
     assert len(read_decisions(server.session.run.folder)) == 12
 

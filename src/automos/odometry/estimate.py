@@ -97,7 +97,7 @@ def _find_level(
 
 
 @dataclass
-class _PosesSoFar:
+class PosesSoFar:
     """The poses of a recording while it is followed."""
 
     poses: dict[float, Pose] = field(default_factory=dict)  # (4, 4) T_world_sensor by stamp
@@ -144,7 +144,7 @@ class _Estimate:
         named = settings.time in ("file", "order")
         known = choose_timing(sequence, settings, np.tile(np.eye(4), (n, 1, 1)), clock).timing if named else None
         odometry = Odometry(settings, self.pool, known, sequence.is_compensated, np.inf, clock.has_stamps)
-        so_far = _PosesSoFar()
+        so_far = PosesSoFar()
         for i, stamp in enumerate(clock.stamps.tolist()):
             read = partial(_stamped, sequence, i, stamp)
             so_far.add(odometry.push(read(), read))

@@ -164,6 +164,11 @@ class Links:
         return made[1]
 
 
+def share_close(fits: list[Fit]) -> float:
+    """Return the share of surfels that lie on a surface, of all `fits`."""
+    return sum(fit.n_close for fit in fits) / max(sum(fit.n_surfels for fit in fits), 1)
+
+
 def consistency_of(window: Window, links: list[Link], fits: list[Fit]) -> Consistency:
     """Return how well scans align under the `fits` of `links`."""
     clock, T = window.clock, window.T_world_sensor

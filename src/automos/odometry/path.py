@@ -20,9 +20,9 @@ from automos.core.scan import Pose, Scan
 from automos.odometry.clock import USUAL_PERIOD
 from automos.odometry.elevation import raised_scan
 from automos.odometry.followed import Posed, TimedScan
-from automos.odometry.links import MIN_MATCHED, Alignment, Consistency, Links
+from automos.odometry.links import MIN_MATCHED, Alignment, Consistency, Links, share_close
 from automos.odometry.motion import MIN_POINTS, usable_points
-from automos.odometry.refine import align, first_steps, refine_poses, registered, solve_links
+from automos.odometry.refine import DOUBTFUL, align, first_steps, refine_poses, registered, solve_links
 from automos.odometry.settling import elevation_in, settle
 from automos.odometry.speed import SpeedSearch
 from automos.odometry.surfels import Surfels, surfels_of
@@ -36,8 +36,6 @@ WINDOW = 20.0
 """Seconds that are refined at once at most: many times the longest baseline."""
 PATIENT = 4.0
 """Seconds from which on the speed and missing scans are found in windows, between which nobody needs a pose."""
-DOUBTFUL = 0.5
-"""Of the share of surfels that fitted in the last scans, from which on a scan fits."""
 
 
 class Path:
@@ -224,8 +222,7 @@ class Path:
             window, moved = solve_links(window, chosen, fits, self._settings, n - 1)
             if moved < SAME_POSE:
                 break
-        fits = links.fit(window, chosen, links.about.kernels[-1])
-        return window, sum(fit.n_close for fit in fits) / max(sum(fit.n_surfels for fit in fits), 1)
+        return window, share_close(links.fit(window, chosen, links.about.kernels[-1]))
 
     def _smooth(self) -> None:
         """Refine the scans of the last seconds."""

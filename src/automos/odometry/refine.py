@@ -15,7 +15,7 @@ import numpy as np
 from automos.core.geometry import Array, adjoint, inverse, se3_exp, se3_log, transform
 from automos.core.normal_equations import FIXED, NormalEquations
 from automos.core.scan import Pose
-from automos.odometry.links import MIN_MATCHED, Alignment, Consistency, Link, Links, consistency_of
+from automos.odometry.links import MIN_MATCHED, Alignment, Consistency, Link, Links, consistency_of, share_close
 from automos.odometry.motion import can_be_driven
 from automos.odometry.speed import SpeedSearch, is_ahead, lengthen, search_speed
 from automos.odometry.submap import Fit
@@ -25,6 +25,7 @@ from automos.settings import OdometrySettings
 INFORMATION = 0.05
 """Share of a surfel's weight that counts, since errors of neighbouring surfels are correlated."""
 LOOSE = 1e-3  # prior information on every pose, which keeps scans without links in place
+DOUBTFUL = 0.5  # of the share of surfels on surfaces elsewhere, from which on poses fit
 SPEED_ROUNDS = 5  # searches for the speed, at most, each from the poses of the previous one
 FIRST_STEPS = np.concatenate([s * np.vstack([np.eye(6)[:2], -np.eye(6)[:2]]) for s in (0.4, 0.8, 1.2, 1.8, 2.5)])
 """Metres along the sensor's axes."""
@@ -105,8 +106,8 @@ def at_likely_speed(
 ) -> tuple[Window, SpeedSearch]:
     """Return the window at the speed that surfaces along the path or landmarks favour, and the last search.
 
-    Surfaces around a wrong speed may lead nowhere, so it is searched from a standstill, too. The first `n_known` scans
-    keep their poses.
+    Surfaces around a wrong speed may lead nowhere, so it is searched from a standstill, too. Of so many speeds,
+    landmarks favour some by chance, so scans have to fit at that one. The first `n_known` scans keep their poses.
     """
     at_rest = window.T_world_sensor.copy()
     at_rest[n_known:, :3, 3] = at_rest[n_known - 1, :3, 3]
@@ -114,7 +115,15 @@ def at_likely_speed(
     still = window.moved(at_rest)
     other, there = _at_likely_speed(still, settings, pool, n_known)
     is_ahead_from_rest = other is not still and there.landmarks.explains_more_than(search.landmarks)
-    return (other, there) if is_ahead_from_rest else (found, search)  # at rest, rings lie on rings
+    if is_ahead_from_rest and _share(other, pool) >= DOUBTFUL * _share(found, pool):
+        return other, there
+    return found, search  # at rest, rings lie on rings
+
+
+def _share(window: Window, pool: ThreadPoolExecutor | None) -> float:
+    """Return the share of surfels that lie on the surfaces of submaps, of all scans."""
+    links = Links(Alignment(), pool)
+    return share_close(links.fit(window, links.choose(window), links.about.kernels[-1]))
 
 
 def _at_likely_speed(
