@@ -110,7 +110,7 @@ def _write_scans(
     """Write what there is per point; return how many points have each label, and how many ride along."""
     for place in (folder, folder / "predictions", *([folder / "confidences"] if output.confidence else [])):
         place.mkdir(parents=True, exist_ok=True)
-        remove_parts(place)
+    remove_parts(folder)
     counts, n_body = no_points(), 0
     for i, name in enumerate(result.names):
         found = result.stage.load(name)
