@@ -6,8 +6,6 @@ estimates poses. The shares have no kernel in common, or it would be compiled tw
 compiles everything ahead of any run.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal

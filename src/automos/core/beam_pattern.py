@@ -5,8 +5,6 @@ each elevation. With both, (elevation, azimuth) maps to rows and columns, whethe
 blocks, few, or never repeat. Angles are those of the raw sweep, before motion compensation.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache

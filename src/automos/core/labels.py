@@ -1,7 +1,5 @@
 """The labels and their numbers (SemanticKITTI's)."""
 
-from __future__ import annotations
-
 from enum import IntEnum
 
 import numpy as np

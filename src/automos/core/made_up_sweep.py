@@ -1,7 +1,5 @@
 """A made-up sweep of a small street, for what needs to run once before real scans come."""
 
-from __future__ import annotations
-
 import numpy as np
 
 SPEED = 3.0

@@ -4,8 +4,6 @@ With this index, a decision on a voxel applies to the points of the scans. A sea
 map would lose points to quantisation: at 0.2 m, a fifth of all points have no map point within 0.1 m.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -4,8 +4,6 @@ A detection is what a scan holds of one mover, or of one moving track; two are a
 HOTA: Luiten et al., IJCV 2021. IDF1: Ristani et al., ECCV Workshops 2016.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

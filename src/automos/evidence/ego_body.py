@@ -12,8 +12,6 @@ What is connected to the body belongs to it (`on_body`). While the sensor stands
 does no harm: objects that never move are static.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 

@@ -9,8 +9,6 @@ Rays start at their LiDAR. In merged clouds each LiDAR has its own view and repo
 into one report per scan, in which a hit by any LiDAR prevails, otherwise the strongest free-space observation.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor

@@ -8,8 +8,6 @@ height map whose gaps are filled from increasingly coarse averages (pull-push). 
 assumed.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -5,8 +5,6 @@ width, *weakly* if only the rays directly beside it did. It was *hit* if one of 
 ended in front of it (occluded) report nothing; neither do missing returns, which have too many causes.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from automos.core.cells import rough_turn_of, turn_of

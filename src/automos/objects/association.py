@@ -1,7 +1,5 @@
 """Data association of detections and tracked objects: costs, gates and one optimal assignment (paper III-D)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ stands. In that heading, the points of every scan span an interval along, across
 the body's life are its extent, and the face towards the sensor says where the body is at that moment.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import pairwise
 

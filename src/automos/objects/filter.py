@@ -6,8 +6,6 @@ is the same with length and width swapped. So a measurement is converted to the 
 before the innovation is computed. The noise is AB3DMOT's (Weng et al., IROS 2020), in metres and seconds, not frames.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import TypeVar
 

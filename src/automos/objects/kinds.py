@@ -5,8 +5,6 @@ the kind as a Gaussian does, a smaller one only as an exponential does. Nothing 
 the extents that a body never showed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from enum import IntEnum
 

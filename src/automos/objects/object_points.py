@@ -5,8 +5,6 @@ from it. Beside a moving object there is a better reference: the plane of the gr
 it. If an object was missed in a scan, the points in its predicted box are assigned to it unless they have stayed.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

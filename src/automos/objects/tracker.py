@@ -10,8 +10,6 @@ Out of sight it is remembered there for some seconds: it does not become another
 is lost beside it does not continue as the post that comes into sight again.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 

@@ -5,8 +5,6 @@ the evidence available so far, because the next scan may add to it. Of scans who
 remain that a track moves and has moved; so what has moved is called moving, however long it waits.
 """
 
-from __future__ import annotations
-
 import copy
 from collections import deque
 from dataclasses import dataclass, replace

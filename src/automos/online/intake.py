@@ -5,8 +5,6 @@ stop a robot: unusable scans are skipped, and after an interruption a new stream
 no interruption: a pause is believed once a second scan confirms it. A clock that stands still is replaced by counting.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import dataclass
 from enum import Enum, auto

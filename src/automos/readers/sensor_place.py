@@ -6,8 +6,6 @@ do not, and would go together from another place, that is where the sensor was, 
 of a map, or of where the drive began. Points on a grid, of one distance everywhere, show nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path

@@ -5,8 +5,6 @@ HeLiPR's sensors are recordings of their own, and every point has its time. MulR
 column, so that a point's place gives its beam and time; a few files are incomplete, and those have neither.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial

@@ -1,7 +1,5 @@
 """The files with one value per point: labels, objects and confidences, written and read."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

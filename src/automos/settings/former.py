@@ -4,8 +4,6 @@ Results store all their settings, so files of earlier versions must remain reada
 name, and removed ones are left out with a warning.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Mapping
 from typing import Any

@@ -3,8 +3,6 @@
 The preset "paper" follows the paper; "default" is the most accurate one.
 """
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Iterable, Mapping
 from pathlib import Path

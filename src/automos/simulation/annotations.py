@@ -1,7 +1,5 @@
 """What an annotator would draw: an upright box around every object of which a scan holds points."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

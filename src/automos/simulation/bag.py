@@ -5,8 +5,6 @@
 /tf_static from the LiDAR to the IMU, the identity
 """
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Iterator
 from functools import partial

@@ -1,7 +1,5 @@
 """The vehicle that carries the sensor: how its body pitches, rolls and shakes, and what of it the beams hit."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -4,8 +4,6 @@ A rig's parts are fixed to the body, swing behind it, or walk. Body frame: x for
 ground under the car's middle.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache

@@ -3,8 +3,6 @@
 Nothing is kept but names and numbers; a scan is cast when it is asked for, always to the same bytes.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

@@ -4,8 +4,6 @@ Roads are one signed distance field (metres, negative on the carriageway), joine
 corners. The mesh has pairs of vertices along the kerb lines, so that a kerb is a step and not a ramp.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

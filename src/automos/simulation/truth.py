@@ -4,8 +4,6 @@ A car that waits at the light and then drives is moving throughout; one that onl
 not. "Observed" means that an unobstructed line leads from the sensor to it at mid-sweep.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,8 +6,6 @@ eps = 2.0, 1.0, 0.5, 0.25 m gives nested segments. The paper does not say how th
 score higher, as in Hu, Held and Ramanan, "Learning to Optimally Segment Point Clouds" (RA-L 2020).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The instances of one scan: non-ground points, clustered, scored and boxed (paper III-C)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ Files of such sweeps (KITTI's) hold the points beam by beam, each beam's by azim
 where the sweep was cut in time.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

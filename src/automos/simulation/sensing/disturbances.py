@@ -1,7 +1,5 @@
 """What spoils a sweep: drops and dust in the air, and bright signs that bleed into the beams beside them."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

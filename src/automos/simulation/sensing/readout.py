@@ -1,7 +1,5 @@
 """From returns to a scan: which beams are kept as points, in what order, and what each of them is on."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

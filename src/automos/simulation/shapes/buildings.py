@@ -3,8 +3,6 @@
 A building's body frame has its front in the plane y = 0, from x = 0 to x = width, and stands on the side y > 0.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

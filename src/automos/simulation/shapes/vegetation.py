@@ -1,7 +1,5 @@
 """Trees, bushes and hedges: foliage is a cloud of leaf-sized triangles, so that beams enter it as they enter leaves."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -1,7 +1,5 @@
 """Road users, as a scenario describes them: what they are, which path they follow, how they would like to go."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

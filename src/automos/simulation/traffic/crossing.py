@@ -1,7 +1,5 @@
 """A signalled crossroads: the paths through it, one light per arm, a phase in which people walk."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

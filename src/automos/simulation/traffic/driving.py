@@ -6,8 +6,6 @@ crossing and a pedestrian in front of the bonnet need no special case. An outlin
 aside for each other and stop for moving vehicles.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
