@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from automos.core.array_sequence import ArraySequence
 from automos.simulation import Convention, simulate
-from automos.simulation.recorders import Recorded, TurnsByAzimuth
+from automos.simulation.recorders import Recorded
+
+sys.path.append(str(Path(__file__).parents[3] / "benchmarks"))
+from cases import TurnsByAzimuth
 
 
 @pytest.fixture(scope="module")
