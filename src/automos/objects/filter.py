@@ -18,8 +18,8 @@ from automos.core.upright_boxes import Boxes
 from automos.settings import FilterSettings
 
 Array = npt.NDArray[np.float64]
-N_STATE, N_MEASURED = 10, 7
 YAW, SIZE, VELOCITY = 3, slice(4, 7), slice(7, 10)
+N_MEASURED, N_STATE = SIZE.stop, VELOCITY.stop
 
 
 @dataclass(frozen=True, eq=False)
