@@ -7,13 +7,13 @@ import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
+from automos.core.geometry import Array
 from automos.core.scan import Mask
 from automos.core.upright_boxes import Boxes, iou_3d
 from automos.objects import filter as kalman
 from automos.objects.detections import Detections
 from automos.settings import AssociationSettings, FilterSettings, GateSettings
 
-Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
 MAX_CLIMB = 1.5  # metres: greatest difference between predicted and measured height
 MIN_OVERLAP = 0.3

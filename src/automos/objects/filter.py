@@ -13,11 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.column_data import ColumnData
-from automos.core.geometry import wrap_angle
+from automos.core.geometry import Array, wrap_angle
 from automos.core.upright_boxes import Boxes
 from automos.settings import FilterSettings
 
-Array = npt.NDArray[np.float64]
 YAW, SIZE, VELOCITY = 3, slice(4, 7), slice(7, 10)
 N_MEASURED, N_STATE = SIZE.stop, VELOCITY.stop
 

@@ -9,9 +9,8 @@ from collections.abc import Mapping
 from enum import IntEnum
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from automos.core.geometry import Array
 
 
 class Kind(IntEnum):

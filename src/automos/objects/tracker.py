@@ -16,13 +16,13 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.geometry import Array
 from automos.objects import filter as kalman
 from automos.objects.association import Objects, assign, association_cost, motion_cost
 from automos.objects.detections import Detections
 from automos.objects.tracks import Tracks
 from automos.settings import TrackingSettings
 
-Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
 _MEMORY = 0.7  # weight of an object's earlier evidence when it is observed again
 STAYED = 0.1  # moving share up to which an object has stayed, if the share never exceeded a half

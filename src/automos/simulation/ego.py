@@ -6,12 +6,11 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.geometry import Array
 from automos.simulation.shapes.materials import Material
 from automos.simulation.shapes.mesh import Mesh, box, join, rod
 from automos.simulation.traffic.driving import DT
 from automos.simulation.traffic.motion import transforms
-
-Array = npt.NDArray[np.float64]
 
 PITCH_PER_ACCELERATION = 0.006
 """rad per m/s^2: the nose dives when braking."""

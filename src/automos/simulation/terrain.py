@@ -11,12 +11,11 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.geometry import Array
 from automos.core.kernels import kernel
 from automos.simulation.shapes.materials import Material
 from automos.simulation.shapes.mesh import Mesh
 from automos.simulation.traffic.paths import Path
-
-Array = npt.NDArray[np.float64]
 
 KERB_RAMP = 0.04
 """Metres over which a kerb rises."""

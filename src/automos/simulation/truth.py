@@ -9,12 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.geometry import Array
 from automos.simulation.sensing.scene import Scene
 from automos.simulation.sensing.sensors import Sensor
 from automos.simulation.traffic.motion import transforms
 from automos.simulation.world import World
-
-Array = npt.NDArray[np.float64]
 
 CERTAIN_MOTION = 0.5
 """Metres between two observed places from which on an annotator calls an object moving."""

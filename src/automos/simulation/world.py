@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.geometry import Array
 from automos.simulation.ego import EgoMotion, ride
 from automos.simulation.shapes.mesh import Mesh, join
 from automos.simulation.shapes.things import Thing
@@ -13,8 +14,6 @@ from automos.simulation.terrain import Terrain
 from automos.simulation.traffic.agents import Agent, Signal
 from automos.simulation.traffic.driving import drive_unharmed
 from automos.simulation.traffic.motion import Motion, follow, transforms
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,11 +3,11 @@
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.geometry import Array
 from automos.simulation.sensing.scene import AIR, Hits
 from automos.simulation.sensing.sensors import Sensor
 from automos.simulation.shapes.materials import Material
 
-Array = npt.NDArray[np.float64]
 Array32 = npt.NDArray[np.float32]
 
 DROPS_PER_METRE = 0.002

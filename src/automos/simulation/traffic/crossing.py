@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from automos.core.geometry import Array
 from automos.simulation.traffic.agents import Signal
 from automos.simulation.traffic.paths import Path, connect, through
-
-Array = npt.NDArray[np.float64]
 
 GREEN = 7.0
 """Seconds of green for one arm."""
