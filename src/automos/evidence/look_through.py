@@ -10,10 +10,17 @@ import numpy as np
 from automos.core.cells import rough_turn_of, turn_of
 from automos.core.kernels import kernel
 from automos.core.range_image import UNIT
+from automos.settings import FreeSpaceSettings
 
 UNSEEN, BLOCKED, EDGE, HIT, WEAK, THROUGH = range(6)
 _BLOCK = 512
 _FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}  # fast arithmetic, but for flags that assume finite numbers
+
+
+def tolerances_of(settings: FreeSpaceSettings) -> tuple[np.float32, ...]:
+    """Return the tolerances of `look_through`."""
+    s = settings
+    return tuple(np.float32(x) for x in (s.margin, s.margin_per_metre, s.hit, s.hit_per_metre, s.clear_width))
 
 
 @kernel
