@@ -1,7 +1,5 @@
 """How good objects are: movers whole, tracks, boxes; and whether as many bodies move as their probability says."""
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 from typing import Any

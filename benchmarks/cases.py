@@ -5,8 +5,6 @@ A case of `CASES` is written as that recorder would have written it and read bac
 drive with its points left out, since it moves in its own way, and whoever would pass through it is gone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path

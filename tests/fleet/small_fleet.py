@@ -1,7 +1,5 @@
 """A fleet of recordings so small that thirty are labelled in seconds, and what their runs leave."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

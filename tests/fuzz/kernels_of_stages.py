@@ -1,7 +1,5 @@
 """Every compiled kernel of the stages, called with points of any floats."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

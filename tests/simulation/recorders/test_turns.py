@@ -1,7 +1,5 @@
 """Sweeps without times: when each point was measured, from where it lies; beams from the order of the points."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 
