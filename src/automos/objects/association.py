@@ -1,7 +1,5 @@
 """Data association of detections and tracked objects: costs, gates and one optimal assignment (paper III-D)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,20 +7,19 @@ import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
+from automos.core.geometry import Array
 from automos.core.upright_boxes import Boxes, iou_3d
 from automos.objects import filter as kalman
 from automos.objects.detections import Detections
 from automos.settings import AssociationSettings, FilterSettings, GateSettings
 
-Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
 MAX_CLIMB = 1.5  # metres: greatest difference between predicted and measured height
-MAX_COUNT_RATIO = 5.0  # greatest ratio of the numbers of points
 MIN_OVERLAP = 0.3
 """Overlap of predicted and measured box in the ground plane, above which they may be the same wherever their centres
 are: two solid objects cannot be in one place, and the centre of a lorry jumps by metres as its ends come into sight."""
+MAX_COUNT_RATIO = 5.0  # greatest ratio of the numbers of points
 SIZE_WEIGHT = 4.0  # cost of a change of size, in squared standard deviations
-COUNT_WEIGHT = 1.0  # cost of a ratio of e between the numbers of points
 EVIDENCE_WEIGHT = 2.0  # cost of a change from all points moving to all static
 
 
@@ -74,7 +71,7 @@ def motion_cost(objects: Objects, found: Detections, noise: FilterSettings, sett
     settling = objects.share[k] - found.moving_share[j]
     is_possible = (squared < settings.gate**2) & (climb < MAX_CLIMB)
     is_possible &= thinning < np.log(MAX_COUNT_RATIO)
-    price = squared + climb + SIZE_WEIGHT * growth + COUNT_WEIGHT * thinning + EVIDENCE_WEIGHT * np.abs(settling)
+    price = squared + climb + SIZE_WEIGHT * growth + thinning + EVIDENCE_WEIGHT * np.abs(settling)
     cost[k, j] = np.where(is_possible, price, np.inf)
     return cost
 

@@ -9,21 +9,19 @@ While an object is missed, its position soon becomes uncertain, and it may go on
 cut again where that is likely (`bodies.cut_where_two`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.geometry import Array
 from automos.objects import filter as kalman
 from automos.objects.association import Objects, assign, association_cost, motion_cost
 from automos.objects.detections import Detections
 from automos.objects.tracks import Tracks
 from automos.settings import TrackingSettings
 
-Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
 _MEMORY = 0.7  # weight of an object's earlier evidence when it is observed again
 LONGEST_STEP = 0.4

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.geometry import Array
 from automos.core.parallel import map_in_order
 from automos.core.scan import OBJECT, Mask
 from automos.objects.bodies import cut_where_two, joined, links_in_time, parts_of_bodies
@@ -21,9 +22,6 @@ from automos.objects.tracker import can_follow, track_objects
 from automos.objects.tracks import Tracks, observed, of_rows, of_tracks
 from automos.objects.verdict import Verdicts
 from automos.settings import Settings
-
-Array = npt.NDArray[np.float64]
-
 
 MIN_POINTS, MIN_TIME = 100, 1.0
 """Points and seconds of the shortest sight without a break of a body in any list: of what is less, neither extent nor
