@@ -6,8 +6,6 @@ that may not be written, a link, a second run at the same time. After it no file
 unfinished passes for results nowhere, and the command, run again, gives the bytes that it gives undisturbed.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import random

@@ -183,9 +183,9 @@ class Path:
 
     def _align_newest(self) -> float:
         """Align the newest scan from where it may be, after as many scans; return its share of surfels on surfaces."""
-        window, n = self._recent(), len(self.window) + self.window.first
+        window = self._recent()
         tried = [self._aligned_from(window, window.T_world_sensor[-1], window.gaps[-1])]
-        is_second = n == 2 and not self._is_start_known
+        is_second = len(self.window) + self.window.first == 2 and not self._is_start_known
         if is_second or tried[0][1] < DOUBTFUL * self._share:
             starts = first_steps(window) if is_second else [registered(window)]
             gaps = window.gaps[-1:] if is_second or self._has_stamps else TRIED
