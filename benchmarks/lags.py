@@ -95,7 +95,8 @@ def _departure(k: int, stamps: Any, points: Any, moves: Any, called: Any, places
     times, n_points, is_moving = np.array(stamps), np.array(points), np.array(moves)
     for t in np.flatnonzero(is_moving[1:] & ~is_moving[:-1]) + 1:
         before = (times >= times[t] - STOOD - 0.5 * (times[t] - times[t - 1])) & (times < times[t])
-        if times[t] - times[0] < STOOD or is_moving[before].any() or n_points[before].min() < PLAIN:
+        is_plain = before.any() and n_points[before].min() >= PLAIN
+        if times[t] - times[0] < STOOD or is_moving[before].any() or not is_plain:
             continue
         way = np.cumsum([0.0, *np.linalg.norm(np.diff(np.array(places[t:]), axis=0), axis=1)])
         late = np.flatnonzero(np.array(called[t:]) >= 0.5)
