@@ -28,7 +28,7 @@ LOOSE = 1e-3  # prior information on every pose, which keeps scans without links
 FITTING = 0.5  # of the share of surfels on surfaces elsewhere, from which on a speed fits
 SPEED_ROUNDS = 5  # searches for the speed, at most, each from the poses of the previous one
 FIRST_STEPS = np.concatenate([s * np.vstack([np.eye(6)[:2], -np.eye(6)[:2]]) for s in (0.4, 0.8, 1.2, 1.8, 2.5)])
-"""Metres along the sensor's axes."""
+"""Metres along the sensor's axes to the second scan: a registration that starts at rest may stay there."""
 WIDE = 3.0
 """Metres between points that match, at most: a sensor in a hand is turned within a scan by more than surfaces are
 looked for."""
@@ -114,12 +114,11 @@ def at_likely_speed(
     found, search = _at_likely_speed(window, settings, pool, n_known, search_speed(window, settings, pool))
     still = window.moved(at_rest)
     first = search_speed(still, settings, pool)
-    if first.landmarks_at_rival.lead_over(search.landmarks) <= 0.0:
-        return found, search
-    other, there = _at_likely_speed(still, settings, pool, n_known, first)
-    is_ahead_from_rest = other is not still and there.landmarks.explains_more_than(search.landmarks)
-    if is_ahead_from_rest and _share(other, pool) >= FITTING * _share(found, pool):
-        return other, there
+    if first.landmarks_at_rival.lead_over(search.landmarks) > 0.0:
+        other, there = _at_likely_speed(still, settings, pool, n_known, first)
+        is_ahead_from_rest = other is not still and there.landmarks.explains_more_than(search.landmarks)
+        if is_ahead_from_rest and _share(other, pool) >= FITTING * _share(found, pool):
+            return other, there
     return found, search  # at rest, rings lie on rings
 
 
@@ -162,11 +161,6 @@ def _at_likely_speed(
             if is_ahead(found.landmarks, search.landmarks, is_possible):
                 window, search = other, found
     return window, search
-
-
-def first_steps(window: Window) -> list[Pose]:
-    """Return (4, 4) poses that the second scan may have: a registration that starts at rest may stay there."""
-    return [window.T_world_sensor[-2] @ se3_exp(step) for step in FIRST_STEPS]
 
 
 def registered(window: Window) -> Pose:

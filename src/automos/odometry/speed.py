@@ -67,8 +67,8 @@ class Landmarks(NamedTuple):
     def lead_over(self, other: Landmarks) -> float:
         """Return the lead in evidence where speeds differ, in standard deviations of the counts (Anscombe)."""
         differ = np.abs(self.speeds - other.speeds) >= OTHER_SPEED
-        here, there = self._evidence(differ), other._evidence(differ)
-        return float(np.sqrt(2.0) * (np.sqrt(here + 0.375) - np.sqrt(there + 0.375)))
+        here, there = np.sqrt(np.array([self._evidence(differ), other._evidence(differ)]) + 0.375)
+        return float(np.sqrt(2.0) * (here - there))
 
     def _evidence(self, places: Mask) -> float:
         """Return the re-observed evidence at `places`, minus the part of the expected evidence that is missing."""

@@ -97,7 +97,7 @@ def fit_surfels(
     T = np.ascontiguousarray(T_submap_surfels, np.float64)
     mean, covariance = np.ascontiguousarray(surfels.mean), np.ascontiguousarray(surfels.covariance)
     n_matched, n_close, thickness = _fit(submap, mean, covariance, T, (kernel, noise), H, g, noise_of_H)
-    return Fit(*_beyond_noise(H, g, noise_of_H), len(surfels), n_matched, n_close, thickness)
+    return Fit(*_beyond_noise(H + np.tril(H, -1).T, g, noise_of_H), len(surfels), n_matched, n_close, thickness)
 
 
 def _beyond_noise(H: Array, g: Array, noise: Array) -> tuple[Array, Array]:
@@ -156,7 +156,7 @@ def _shape_voxels(sums):  # type: ignore[no-untyped-def]
     mean = np.empty((n, 3), np.float32)
     axes = np.zeros((n, 2, 3), np.float32)
     variance = np.full((n, 2), -1.0, np.float32)
-    c, along, first, second = np.empty(6), np.empty(3), np.empty(3), np.empty(3)
+    c, along, first, second = np.empty(6), np.empty(3), np.zeros(3), np.zeros(3)
     for i in range(n):
         row = sums[i]
         w = 1.0 / row[0]
@@ -168,20 +168,19 @@ def _shape_voxels(sums):  # type: ignore[no-untyped-def]
         c[3], c[4], c[5] = row[7] * w - y * y, row[8] * w - y * z, row[9] * w - z * z
         low, middle, high = eigenvalues(c)
         wide = (0.12 * VOXEL * (1 << level_of(x, y, z))) ** 2
+        turn = 1.0
         if middle > wide:
             if low < 0.1 * middle:  # a plane
                 eigenvector(c, low, first)
-                variance[i, 0] = low
                 eigenvector(c, middle, second)
+                variance[i, 0] = low
                 turn = np.sqrt((low + NOISE * NOISE) / (row[0] * middle))
-                for k in range(3):  # assigning one array to another takes three seconds to compile
-                    axes[i, 0, k], axes[i, 1, k] = first[k], turn * second[k]
         elif high > wide and middle < 0.1 * high:
             eigenvector(c, high, along)
             if abs(along[2]) > 0.8:  # an upright edge
                 variance[i, 0], variance[i, 1] = across(c, along, first, second)
-                for k in range(3):
-                    axes[i, 0, k], axes[i, 1, k] = first[k], second[k]
+        for k in range(3):  # assigning one array to another takes three seconds to compile
+            axes[i, 0, k], axes[i, 1, k] = first[k], turn * second[k]
     return mean, axes, variance
 
 
@@ -203,11 +202,9 @@ def _add_square(J, w, H):  # type: ignore[no-untyped-def]
 
 @kernel
 def _fit(submap, points, covariance, T, limits, H, g, noise_of_H):  # type: ignore[no-untyped-def]
-    """Add to the normal equations and the noise of `H`; return matched and close surfels and thickness, see `Fit`."""
-    keys, rows, mean, axes, variance = submap
-    kernel, noise = limits
-    n_matched = n_close = 0
-    squares = weights = 0.0
+    """Add to `g` and the lower triangles of `H` and its noise; return matched and close surfels, and the thickness."""
+    (keys, rows, mean, axes, variance), (kernel, noise) = submap, limits
+    n_matched, n_close, squares, weights = 0, 0, 0.0, 0.0
     inverse_voxel, R, n = 1.0 / VOXEL, T[:3, :3], len(g)
     J, a = np.empty(7), np.empty(3)
     for i in range(len(points)):
@@ -225,15 +222,13 @@ def _fit(submap, points, covariance, T, limits, H, g, noise_of_H):  # type: igno
             J[0], J[1], J[2] = nx, ny, nz
             J[3], J[4], J[5] = y * nz - z * ny, z * nx - x * nz, x * ny - y * nx
             if n == 7:
-                m = mean[row]
-                J[6] = _rise(a[0], a[1], a[2], points[i]) - _rise(nx, ny, nz, m)
+                J[6] = _rise(a[0], a[1], a[2], points[i]) - _rise(nx, ny, nz, mean[row])
             if variance[row, k] < 0.0:  # where a plane's normal may turn to
                 _add_square(J, w, noise_of_H)
                 break
             r = nx * dx + ny * dy + nz * dz
-            own = variance_along(covariance[i], a)
             robust = kernel * kernel / (kernel * kernel + r * r)
-            w = robust * robust / (variance[row, k] + own + noise * noise)
+            w = robust * robust / (variance[row, k] + variance_along(covariance[i], a) + noise * noise)
             _add_square(J, w, H)
             for p in range(n):
                 g[p] += w * r * J[p]
@@ -242,9 +237,5 @@ def _fit(submap, points, covariance, T, limits, H, g, noise_of_H):  # type: igno
             squares += trust * trust * r * r
             weights += trust * trust
         n_matched += 1
-        if worst < CLOSE:
-            n_close += 1
-    for p in range(n):
-        for q in range(p):
-            H[q, p] = H[p, q]
+        n_close += worst < CLOSE
     return n_matched, n_close, np.sqrt(squares / max(weights, 1e-12))
