@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from automos.core.arguments import given_path
 from automos.core.array_sequence import as_sequence
-from automos.core.atomic import atomic_path, held
+from automos.core.atomic import atomic_path, held, remove_parts
 from automos.core.claims import MARK, RESULTS, claim, remove
 from automos.core.errors import InputError
 from automos.core.labels import Label
@@ -154,6 +154,7 @@ class Result(RunFiles):
                 raise InputError(f"{target} holds results of another run: choose another folder")
             if run:
                 return
+            remove_parts(target)
             for stale in per_scan_files(target):
                 remove(stale)
             files = [file.relative_to(self.folder) for file in sorted(self.folder.rglob("*")) if file.is_file()]

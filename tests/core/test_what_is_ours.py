@@ -259,3 +259,13 @@ def test_only_what_stages_hold_of_ours_is_removed_with_them(tmp_path):
     kept.keep_only({"labels": "new"})
     left = {path.relative_to(tmp_path / "run" / "stages").as_posix() for path in tmp_path.rglob("stages/*/*")}
     assert left == {"labels-new/000000.npz", "labels-old/notes.txt", "labels-old/theirs.npz", "train/train.py"}
+
+
+@pytest.mark.parametrize("command", ["label", "export", "clean", "dataset", "merge", "segment", "map of a run"])
+def test_what_a_killed_command_left_half_written_is_removed_when_it_runs_again(started, tmp_path, command):
+    words, out = FOLDERS.get(command, "map RUN --out OUT"), tmp_path / "out"
+    assert started(command, words, out).exit_code == 0
+    for folder in [out, *(path for path in out.rglob("*") if path.is_dir())]:
+        (folder / ".000000.7972473c.part").write_bytes(b"half")
+    assert started(command, words, out).exit_code == 0
+    assert not list(out.rglob("*.part"))

@@ -19,8 +19,7 @@ def track(number, scans, x, y=0.0, velocity=(0.0, 0.0), size=(4.0, 1.8, 1.5)):
 def body_of(tracks, is_moving, n_points):
     owner = parts_of_bodies(tracks, is_moving, np.bincount(tracks.track, n_points[tracks.track]))
     is_whole = np.bincount(tracks.track, owner == tracks.track, len(tracks)) > 0
-    log_moved = np.zeros(len(tracks.track))
-    links = links_in_time(tracks, is_moving, is_whole, log_moved, TIMES)
+    links = links_in_time(tracks, is_moving, is_whole, np.zeros(len(tracks.track)), TIMES)
     return joined(tracks, owner, *links, n_points[tracks.track])
 
 
@@ -53,18 +52,18 @@ def test_what_is_hidden_for_a_second_goes_on_and_what_comes_the_other_way_is_ano
     assert len(bodies) == 2
 
 
-def departure(log_moved):
+def departure(evidence):
     """Return the tracks that are left of one that stands, is lost for a second, and goes on beside at 3 m/s."""
     before, after = np.arange(20), np.arange(30, 50)
     rows = [track(0, before, 0.0), track(0, after, 0.1 * 3.0 * (after - 25.0), velocity=(3.0, 0.0))]
     tracks = Tracks.concatenate(rows)
     stands = tracks.scan < 20
-    return cut_where_two(tracks, np.array([True]), np.where(stands, log_moved, 0.5), TIMES)
+    return cut_where_two(tracks, np.array([True]), np.where(stands, evidence, 0.5), TIMES)
 
 
 def test_what_stood_and_drives_off_is_one_unless_its_place_was_never_free():
-    assert len(departure(0.2)) == 1
-    assert len(departure(-0.5)) == 2
+    assert len(departure(1.0)) == 1
+    assert len(departure(-2.5)) == 2
 
 
 def test_no_tracks_are_no_bodies():

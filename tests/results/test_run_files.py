@@ -7,6 +7,7 @@ from made_run import CENTERS, INSTANCES, LABELS, T_LEVEL_WORLD, T_WORLD_SENSOR, 
 from automos.core.array_sequence import ArraySequence
 from automos.core.errors import InputError
 from automos.core.geometry import transform
+from automos.core.workspace import Workspace
 from automos.objects.verdict import Verdict
 from automos.odometry.sweep_timing import SweepTiming
 from automos.results.open_run import open_run
@@ -146,3 +147,14 @@ def test_a_folder_of_results_folders_is_told_with_what_is_in_it(run):
 def test_a_name_that_is_too_long_is_told():
     with pytest.raises(InputError, match=r"cannot be used \(File name too long\): give another path"):
         open_run("a" * 5000)
+
+
+def test_what_the_run_is_is_read_once_for_all_scans(run, monkeypatch):
+    read, reads = Workspace.read_run, []
+    monkeypatch.setattr(Workspace, "read_run", lambda self: reads.append(self.root) or read(self))
+    found = RunFiles(run.folder, run.sequence)
+    n = len(reads)
+    for _ in range(5):
+        for i, scan in enumerate(make_scans()):
+            found.instances(i), found.points_at_pose(scan, i), found.is_ground(scan, i)
+    assert len(reads) == n + 1

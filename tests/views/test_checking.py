@@ -180,6 +180,16 @@ def test_several_recordings_are_told_one_by_one(tmp_path, scans):
     assert (a.name, a.exit_code, b.name, b.exit_code) == ("a", 0, "b", 2)
 
 
+def test_what_label_takes_as_several_recordings_is_told_as_several(tmp_path, scans):
+    for name in ("a", "b"):
+        write_times(write_bins(tmp_path / "both" / name, scans))
+    done = CliRunner().invoke(app, ["check", str(tmp_path / "both")])
+    assert done.exit_code == 0
+    assert [line.partition(":")[0] for line in done.output.splitlines() if " can be labelled" in line] == [
+        "a can be labelled", "b can be labelled",
+    ]  # fmt: skip
+
+
 @pytest.mark.recordings
 @pytest.mark.parametrize(
     ("name", "line"),

@@ -1,6 +1,7 @@
 """The command `check`: what a recording is, and whether it can be labelled."""
 
 import json
+from contextlib import suppress
 from typing import Annotated
 
 import typer
@@ -29,10 +30,14 @@ def check(
 
     automos check drive.bag --json
     """
-    from automos.core.errors import plain
+    from automos.core.errors import AutomosError, plain
+    from automos.fleet.sources import find_all
     from automos.views.checking import check as check_recordings
 
     found = check_recordings(recording, format)
+    with suppress(AutomosError):  # found has it
+        if found[0].error and len(several := find_all(str(recording), format)) > 1:  # as `label` takes them
+            found = [each for one in several for each in check_recordings(one.source, one.format)]
     if as_json:
         output.print(json.dumps([one.to_dict() for one in found], indent=1), markup=False, soft_wrap=True)
     else:

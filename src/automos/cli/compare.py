@@ -110,6 +110,7 @@ def make_map(
     automos map kitti/sequences/07 --method removert       also scored: the recording has ground truth
     """
     from automos.baselines.comparison.labelers import choose_methods
+    from automos.core.atomic import held
     from automos.core.errors import InputError
     from automos.core.workspace import Workspace
     from automos.results.open_run import open_run
@@ -124,7 +125,8 @@ def make_map(
         run = open_run(recording, format=format)
         folder = place / run.sequence.name if out is None else place
         settings = load_settings(overrides=read_overrides(overrides)).map
-        _tell(write_map(run.frames, run.sequence, run.labels, folder, wanted, settings, _say_when_started()))
+        with held(folder):
+            _tell(write_map(run.frames, run.sequence, run.labels, folder, wanted, settings, _say_when_started()))
         return
     (chosen,) = choose_methods([method or "default"])
     with _runs(recording, place, out is None, poses, calib, overrides, format, workers) as runs:

@@ -96,8 +96,8 @@ def faults_reported(path: Path) -> Iterator[None]:
 
 
 def remove_parts(folder: Path) -> None:
-    """Remove what a killed process left half-written in `folder`."""
-    for part in folder.glob(f".*.{'[0-9a-f]' * 8}.part"):
+    """Remove what a killed process left half-written in `folder` and below, but not through links."""
+    for part in folder.rglob(f".*.{'[0-9a-f]' * 8}.part"):
         part.unlink(missing_ok=True)
 
 

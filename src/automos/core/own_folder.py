@@ -45,8 +45,7 @@ def own_folder(folder: Path, holds: str, marker: str, about: Mapping[str, Any]) 
             _require_same(folder, marker, json.loads(json.dumps(about)))
         with faults_reported(folder):
             write_text(folder / marker, json.dumps({**about, UNFINISHED: True}, indent=2) + "\n")
-            for place in (folder, *(path for path in folder.rglob("*") if path.is_dir())):
-                remove_parts(place)
+            remove_parts(folder)
         found: dict[str, Any] = {}
         yield found
         write_text(folder / marker, json.dumps({**about, **found}, indent=2) + "\n")

@@ -41,31 +41,35 @@ def _require_finished(folder: Path) -> None:
         raise InputError(f"{folder} is without decisions of its review, as its run was cut off: repeat automos label")
 
 
-def tracks_of(folder: Path, name: str, packed: npt.NDArray[np.uint32]) -> npt.NDArray[np.int64] | None:
-    """Return (N,) the id of the track that each moving point of scan `name` belongs to, 0 for none.
+class StoredStages:
+    """What the stages of a run keep; its run.json is read once.
 
-    Parameters
-    ----------
-    folder : Path
-        Where label files, or a results folder, are.
-    packed : (N,) uint32
-        The scan's labels as in its label file.
-
-    Returns
-    -------
-    None where points move, and neither the label files nor the run's stages say on which object.
+    folder : a results folder, or the folder of its label files.
     """
-    is_moving = to_mos(packed) == Label.MOVING
-    if (packed >> 16).any() or not is_moving.any():
-        return (packed >> 16).astype(np.int64)
-    tracks = stored(folder.parent if folder.name == "predictions" else folder, name, "track")
-    return None if tracks is None else np.where(is_moving, tracks.astype(np.int64) + 1, 0)
 
+    def __init__(self, folder: Path):
+        self._root = folder.parent if folder.name == "predictions" else folder
+        self._keys: dict[str, str] = Workspace(self._root).read_run().get("stages", {})
 
-def stored(folder: Path, name: str, what: str) -> npt.NDArray | None:
-    """Return `what` (N,) a person decided of scan `name`, where anything was, else what the run found; None of none."""
-    key = Workspace(folder).read_run().get("stages", {}).get("labels")
-    for stage in (REVIEWED, "labels"):
-        if (folder / "stages" / f"{stage}-{key}" / f"{name}.npz").exists():
-            return Workspace(folder).stage(stage, str(key)).load(name, what)[what]
-    return None
+    def load(self, stage: str, name: str, *what: str) -> dict[str, npt.NDArray] | None:
+        """Return the arrays `what` (all, where none is named) kept as `name`; None where there is no such file."""
+        key = str(self._keys.get("labels" if stage == REVIEWED else stage))
+        if not (self._root / "stages" / f"{stage}-{key}" / f"{name}.npz").exists():
+            return None
+        return Workspace(self._root).stage(stage, key).load(name, *what)
+
+    def of_points(self, name: str, what: str) -> npt.NDArray | None:
+        """Return `what` (N,) a person decided of scan `name`, where anything was, else what the run found; or None."""
+        found = self.load(REVIEWED, name, what) or self.load("labels", name, what)
+        return None if found is None else found[what]
+
+    def tracks(self, name: str, packed: npt.NDArray[np.uint32]) -> npt.NDArray[np.int64] | None:
+        """Return (N,) the id of the track that each moving point of scan `name` belongs to, 0 for none.
+
+        packed : (N,) the scan's labels as in its label file. None where points move, and nothing says on which object.
+        """
+        is_moving = to_mos(packed) == Label.MOVING
+        if (packed >> 16).any() or not is_moving.any():
+            return (packed >> 16).astype(np.int64)
+        tracks = self.of_points(name, "track")
+        return None if tracks is None else np.where(is_moving, tracks.astype(np.int64) + 1, 0)

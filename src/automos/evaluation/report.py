@@ -19,7 +19,7 @@ from automos.core.scan import Sequence
 from automos.evaluation.moving import Counts, Scores, count
 from automos.evaluation.objects import FOUND, OUTCOMES, Movers, movers_of, scores_of_objects
 from automos.evaluation.overlaps import NO_TRACK, Overlaps, count_overlaps, pooled
-from automos.evaluation.predictions import find_predictions, tracks_of
+from automos.evaluation.predictions import StoredStages, find_predictions
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -162,7 +162,7 @@ def evaluate_folder(folder: str | Path, sequence: Sequence, progress: Progress |
         A prediction or the ground truth of a scan is missing, damaged, or has another number of points.
     """
     folder = Path(folder)
-    counts, overlaps = Counts(), [Overlaps.empty()]
+    counts, overlaps, stored = Counts(), [Overlaps.empty()], StoredStages(folder)
     for i, name in enumerate(sequence.names):
         truth = sequence.truth(i)
         if truth is not None:
@@ -170,7 +170,7 @@ def evaluate_folder(folder: str | Path, sequence: Sequence, progress: Progress |
             with np.errstate(invalid="ignore", over="ignore"):
                 ranges = np.linalg.norm(sequence[i].points, axis=1)
             counts += count(prediction, truth, ranges)
-            overlaps.append(count_overlaps(i, prediction, truth, tracks_of(folder, name, prediction)))
+            overlaps.append(count_overlaps(i, prediction, truth, stored.tracks(name, prediction)))
         if progress is not None:
             progress(f"evaluating {sequence.name}", i + 1, len(sequence))
     return Result(counts, Overlaps.concatenate(overlaps))

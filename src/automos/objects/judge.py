@@ -36,7 +36,7 @@ from automos.objects.detections import Detections
 from automos.objects.face_paths import path_terms
 from automos.objects.motion import NOISE
 from automos.objects.states import later, state_probabilities
-from automos.objects.tracks import Tracks, of_rows
+from automos.objects.tracks import Tracks
 from automos.objects.verdict import Verdict, Verdicts
 
 Array = npt.NDArray[np.float64]
@@ -136,18 +136,6 @@ def judge_tracks(tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, p
     is_moving = p_ever >= 0.5
     verdict = np.where(is_moving, Verdict.MOVING, Verdict.STATIC).astype(np.int8)
     return Verdicts(verdict, np.where(is_moving, p_ever, 1.0 - p_ever), scatter)
-
-
-def log_moved(tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array) -> Array:
-    """Return (R,) the log-likelihood ratio of each row, moved against stayed, times the looks that it is worth.
-
-    NaN where the object was missed.
-    """
-    seen = np.flatnonzero(tracks.is_observed)
-    first = np.searchsorted(tracks.track[seen], np.arange(len(tracks) + 1))
-    out = of_rows(tracks, [of_scan.evidence for of_scan in terms])
-    out[seen] *= looks(first, stamps[tracks.scan[seen]])
-    return out
 
 
 def past_of(tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, past: Past, is_over: Mask) -> Past:

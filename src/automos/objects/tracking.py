@@ -14,7 +14,7 @@ from automos.core.scan import OBJECT, Mask
 from automos.objects.bodies import cut_where_two, joined, links_in_time, parts_of_bodies
 from automos.objects.detections import Detections
 from automos.objects.extents import Scans, whole_boxes
-from automos.objects.judge import is_scenery, judge_tracks, log_moved, moving_now, segment_terms
+from automos.objects.judge import is_scenery, judge_tracks, moving_now, segment_terms
 from automos.objects.object_points import tracks_of_points
 from automos.objects.paper.verdict import judge_by_trajectory, with_speed_as_state
 from automos.objects.places import Places, count_places, held_places, touched_columns
@@ -116,13 +116,14 @@ def _bodies(scans: Scans, tracks: Tracks, detections: Sequence[Detections], work
     """Return the rows of bodies, of the tracklets `tracks` that are one thing, and those of all their parts."""
     stamps, terms = scans.frames.stamps, [segment_terms(found) for found in detections]
     is_moving = judge_tracks(tracks, terms, stamps).is_moving
-    tracks = cut_where_two(tracks, is_moving, log_moved(tracks, terms, stamps), stamps)
+    evidence = [of_scan.evidence for of_scan in terms]
+    tracks = cut_where_two(tracks, is_moving, of_rows(tracks, evidence), stamps)
     is_moving = judge_tracks(tracks, terms, stamps).is_moving
     tracks = _with_whole_boxes(scans, tracks, observed(tracks), is_moving, detections, workers)
     n_points = np.nan_to_num(of_rows(tracks, [found.n_points for found in detections]))
     owner = parts_of_bodies(tracks, is_moving, np.bincount(tracks.track, n_points, len(tracks)))
     is_whole = np.bincount(tracks.track, owner == tracks.track, len(tracks)) > 0
-    links = links_in_time(tracks, is_moving, is_whole, log_moved(tracks, terms, stamps), stamps)
+    links = links_in_time(tracks, is_moving, is_whole, of_rows(tracks, evidence), stamps)
     return joined(tracks, owner, *links, n_points)
 
 

@@ -102,7 +102,7 @@ def claimed(folder: Path, places: list[str], recording: Sequence | None) -> Iter
         with faults_reported(folder):
             for stale in [*(folder / name for name in (RUN_FILE, *RESULT_FILES)), *per_scan_files(folder)]:
                 remove(stale)
-            for place in (folder, *(folder / name for name in places)):
-                place.mkdir(exist_ok=True)
-                remove_parts(place)
+            for name in places:
+                (folder / name).mkdir(exist_ok=True)
+            remove_parts(folder)
         yield

@@ -1,5 +1,6 @@
 """The files with one value per point: labels, objects and confidences, written and read."""
 
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from automos.core.atomic import write_npy, write_raw
 from automos.core.errors import InputError
 from automos.core.label_files import read_confidences, read_labels
 from automos.core.labels import Label, as_probability, pack, to_mos
-from automos.evaluation.predictions import stored, tracks_of
+from automos.evaluation.predictions import StoredStages
 
 
 def no_points() -> dict[str, int]:
@@ -49,6 +50,11 @@ class PointFiles:
     def __init__(self, folder: Path, names: list[str], predictions: Path):
         self.folder, self.names, self._predictions = folder, names, predictions
 
+    @cached_property
+    def stored(self) -> StoredStages:
+        """What the run's stages keep."""
+        return StoredStages(self.folder)
+
     def packed(self, index: int, n_points: int | None = None) -> npt.NDArray[np.uint32]:
         """Return the (n_points,) uint32 of scan `index` as they are in its label file."""
         return read_labels(self._predictions / f"{self.names[index]}.label", n_points)
@@ -78,7 +84,7 @@ class PointFiles:
         InputError
             Neither the label files nor the run's stages say so.
         """
-        tracks = tracks_of(self.folder, self.names[index], self.packed(index, n_points))
+        tracks = self.stored.tracks(self.names[index], self.packed(index, n_points))
         if tracks is None:
             raise self._silent("which object each point belongs to", "--set output.track_ids=true")
         return tracks
@@ -94,7 +100,7 @@ class PointFiles:
         path = self.folder / "confidences" / f"{self.names[index]}.npy"
         if path.exists():
             return read_confidences(path, len(self.packed(index)))
-        found = stored(self.folder, self.names[index], "confidence")
+        found = self.stored.of_points(self.names[index], "confidence")
         if found is None:
             raise self._silent("how sure each label is", "--confidence")
         return as_probability(found)

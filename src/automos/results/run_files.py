@@ -20,7 +20,7 @@ from automos.core.geometry import inverse, make_transform, transform
 from automos.core.pose_files import read_poses
 from automos.core.scan import GROUND, Frame, Points, Pose, Scan, Sequence
 from automos.core.upright_boxes import Boxes
-from automos.core.workspace import Workspace, require_same
+from automos.core.workspace import require_same
 from automos.evaluation.predictions import find_predictions
 from automos.objects.kinds import Kind, likeliest
 from automos.odometry.sweep_timing import SweepTiming
@@ -115,11 +115,9 @@ class RunFiles(PointFiles):
     def is_ground(self, scan: Scan, index: int) -> npt.NDArray[np.bool_]:
         """Return (N,) which points of `scan` lie on the ground; none if the run no longer says so."""
         is_ground = np.zeros(len(scan), bool)
-        key = Workspace(self.folder).read_run().get("stages", {}).get("candidates")
-        if (self.folder / "stages" / f"candidates-{key}" / f"{self.names[index]}.npz").exists():
-            kind = Workspace(self.folder).stage("candidates", str(key)).load(self.names[index], "kind")["kind"]
-            require_same(self.names[index], int(scan.is_valid.sum()), kind)
-            is_ground[scan.is_valid] = kind == GROUND
+        if found := self.stored.load("candidates", self.names[index], "kind"):
+            require_same(self.names[index], int(scan.is_valid.sum()), found["kind"])
+            is_ground[scan.is_valid] = found["kind"] == GROUND
         return is_ground
 
     def points_upright(self, scan: Scan, index: int) -> Points:
@@ -135,11 +133,11 @@ class RunFiles(PointFiles):
 
     @cached_property
     def _trajectory(self) -> Trajectory | None:
-        key = Workspace(self.folder).read_run().get("stages", {}).get("odometry")
-        if not (self.folder / "stages" / f"odometry-{key}" / "all.npz").exists():
+        found = self.stored.load("odometry", "all")
+        if found is None:
             logger.warning("%s holds no stages: points are written as measured, not as seen from one pose", self.folder)
             return None
-        return Trajectory.from_arrays(Workspace(self.folder).stage("odometry", str(key)).load("all"))
+        return Trajectory.from_arrays(found)
 
     # --------------------------------------------------------------------------------------------------------- poses
     @cached_property

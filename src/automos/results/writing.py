@@ -21,6 +21,7 @@ from typing import Any
 from automos import __version__
 from automos.core.atomic import remove_parts, write_text
 from automos.core.claims import remove
+from automos.core.labels import as_probability
 from automos.core.pose_writers import write_kitti, write_tum
 from automos.core.recording_warnings import recording_warnings, scan_rate
 from automos.core.scan import Sequence
@@ -107,14 +108,14 @@ def _write_scans(
     """Write what there is per point; return how many points have each label, and how many ride along."""
     for place in (folder, folder / "predictions", *([folder / "confidences"] if output.confidence else [])):
         place.mkdir(parents=True, exist_ok=True)
-        remove_parts(place)
+    remove_parts(folder)
     counts, n_body = no_points(), 0
     for i, name in enumerate(result.names):
-        labels = result.labels(i)
-        n_body += result.n_body(i)
-        count_points(counts, labels)
-        track_ids = result.track_ids(i) if output.track_ids else None
-        write_points(folder, name, labels, track_ids, result.confidence(i) if output.confidence else None)
+        found = result.stage.load(name)
+        n_body += int(found["n_body"])
+        count_points(counts, found["label"])
+        sure = as_probability(found["confidence"]) if output.confidence else None
+        write_points(folder, name, found["label"], found["track"] if output.track_ids else None, sure)
         progress("writing", i + 1, len(result))
     return counts, n_body
 

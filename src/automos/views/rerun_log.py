@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.geometry import transform
-from automos.core.labels import Label, to_mos
+from automos.core.labels import Label, as_probability, to_mos
 from automos.core.workspace import Workspace
 from automos.evaluation.moving import count
 from automos.results.run_files import RunFiles
@@ -92,8 +92,9 @@ def _log_scan(rr: Any, stream: rerun.RecordingStream, run: RunFiles, index: int,
     )
     radii = rr.Radius.ui_points(np.where(kinds[shown] >= MOVING, 1.8, 1.0))
     stream.log("world/points", rr.Points3D(points[shown], class_ids=kinds[shown], radii=radii))
-    confidence = _confidence(run, index)
-    if confidence is not None:
+    kept = run.stored.of_points(run.names[index], "confidence")
+    if kept is not None:
+        confidence = as_probability(kept)
         unsure = shown[confidence[shown] < SURE]
         amber = np.column_stack([np.full((len(unsure), 2), (255, 190)), 255 * confidence[unsure]]).astype(np.uint8)
         stream.log("world/unsure", rr.Points3D(points[unsure], colors=amber, radii=rr.Radius.ui_points(1.8)))
@@ -149,15 +150,6 @@ def _log_tracks(rr: Any, stream: rerun.RecordingStream, run: RunFiles) -> None:
     texts = [f"{track['id']} · {track['confidence']:.2f}" for track in moving]
     lines = rr.LineStrips3D(strips, colors=[30, 130, 80], radii=0.03, labels=texts, show_labels=False)
     stream.log("world/tracks", lines, static=True)
-
-
-def _confidence(run: RunFiles, index: int) -> npt.NDArray[np.float64] | None:
-    """Return (N,) the confidence of each label; None if the run no longer has it."""
-    key = Workspace(run.folder).read_run().get("stages", {}).get("labels")
-    if not (run.folder / "stages" / f"labels-{key}" / f"{run.names[index]}.npz").exists():
-        return None
-    stage = Workspace(run.folder).stage("labels", str(key))
-    return stage.load(run.names[index], "confidence")["confidence"] / 255.0
 
 
 def thin_rows(rows: npt.NDArray[np.int64], most: int) -> npt.NDArray[np.int64]:

@@ -13,7 +13,6 @@ from automos.core.workspace import Workspace
 from automos.evaluation.moving import Counts, Scores, count
 from automos.evaluation.objects import FOUND, movers_of
 from automos.evaluation.overlaps import Overlaps, count_overlaps
-from automos.evaluation.predictions import tracks_of
 from automos.results.run_files import RunFiles
 from automos.views.caveats import caveats
 from automos.views.ground_map import FALSE, MISSED, MOVES, STANDS, GroundMap
@@ -50,7 +49,7 @@ def survey(run: RunFiles) -> dict[str, Any]:
         points[i] = [(labels == label).sum() for label in _CLASSES]
         level = transform(T_level_sensor[i], run.points_at_pose(scan, i))
         is_shown = scan.is_valid & (labels != Label.UNLABELED)
-        owners = tracks_of(run.folder, run.names[i], packed)
+        owners = run.stored.tracks(run.names[i], packed)
         sure.add(labels, owners)
         kinds = truth.compare(i, run, labels, scan.points, owners)
         ground.add(level[is_shown], kinds[is_shown])

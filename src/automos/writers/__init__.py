@@ -5,12 +5,13 @@ from __future__ import annotations
 import difflib
 import importlib
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from automos.core.arguments import given_path, require_kind
 from automos.core.array_sequence import as_sequence
-from automos.core.atomic import faults_reported
+from automos.core.atomic import faults_reported, held, remove_parts
 from automos.core.claims import EXPORT, claim, claim_file
 from automos.core.errors import InputError
 
@@ -140,7 +141,8 @@ def _distinct(sequences: Sequence[ScanSequence], export: Export) -> list[ScanSeq
 def _write(export: Export, run: RunFiles, place: Path) -> None:
     """Write one recording's results to `place`; InputError where that cannot be, or holds others."""
     _require_unmixed(place, export, run)
-    with faults_reported(place):
+    with faults_reported(place), nullcontext() if export.suffix else held(place):
+        remove_parts(place)
         export.write(run, place)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.atomic import atomic_path, held, write_raw, write_text
+from automos.core.atomic import atomic_path, held, remove_parts, write_raw, write_text
 from automos.core.claims import remove
 from automos.core.errors import InputError
 from automos.core.label_files import read_labels
@@ -74,6 +74,7 @@ def merge(run: RunFiles, corrected: Path, out: Path) -> Merged:
     edits = {} if has_labels else read_edits(corrected, run)
     require_room(out, run.sequence)
     with held(out):
+        remove_parts(out)
         for marker in (COMPLETE, RUN_FILE):  # written last: without it the results are not whole
             remove(out / marker)
         _remove_others(out, run.names)

@@ -40,7 +40,7 @@ def holds_packets(path: Path) -> bool:
     if path.suffix not in CAPTURES or not path.is_file():
         return False
     try:
-        return bool(kinds_in(open_capture(path)))
+        return any(kinds_in(open_capture(path)))
     except InputError:
         return False
 

@@ -32,10 +32,10 @@ def find_packets(capture: Capture | LvxFile, layout: Layout, *part: int) -> Iter
         yield piece[layout.are_own(piece.payloads)]
 
 
-def kinds_in(capture: Capture | LvxFile) -> list[Layout]:
-    """Return which packets of points the beginning of a capture holds."""
+def kinds_in(capture: Capture | LvxFile) -> Iterator[Layout]:
+    """Yield, each as it is found, which packets of points the beginning of a capture holds."""
     known = LAYOUTS if isinstance(capture, Capture) else LVX2 if capture.is_second else LVX
-    return [layout for layout in known if len(next(find_packets(capture, layout, *_LOOKED_AT), ()))]
+    return (layout for layout in known if len(next(find_packets(capture, layout, *_LOOKED_AT), ())))
 
 
 def find_sweeps(

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.atomic import write_text
+from automos.core.atomic import remove_parts, write_text
 from automos.core.claims import METHODS, claim
 from automos.core.labels import Label, to_mos
 from automos.core.run import Progress
@@ -64,6 +64,7 @@ def make_map(
     for cloud in clouds:
         check_kind(cloud)
     claim(out, METHODS)
+    remove_parts(out)
     reach, origins = settings.max_range, frames.T_level_sensor[:, :3, 3]
     corners = origins[:, :2].min(axis=0) - reach, origins[:, :2].max(axis=0) + reach
     raw, clean = (HeightPicture(*corners, _PICTURE_PIXELS) for _ in range(2))
