@@ -51,7 +51,7 @@ def find_unknown(semantic: npt.NDArray[np.uint32]) -> int | None:
     return None if is_known.all() else int(classes[is_known.argmin()])
 
 
-def _moves(classes: npt.NDArray[np.uint32]) -> npt.NDArray[np.bool_]:
+def _moves(classes: npt.NDArray[np.integer]) -> npt.NDArray[np.bool_]:
     return (classes >= Label.MOVING) & (classes < 260)
 
 

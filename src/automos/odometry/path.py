@@ -185,16 +185,13 @@ class Path:
         Before one that does not fit, scans may be missing: then it was distorted by less than this step.
         Return the share of its surfels that lie on a surface then.
         """
-        window, n = self._recent(), len(self.window) + self.window.first
-        gap = window.gaps[-1]
+        window, gap = self._recent(), self.window.gaps[-1]
         found, share = self._aligned_from(window, window.T_world_sensor[-1], gap)
-        is_second = n == 2 and not self._is_start_known
+        is_second = len(self.window) + self.window.first == 2 and not self._is_start_known
         if is_second or share < DOUBTFUL * self._share:
             starts, gaps = (first_steps(window), [gap]) if is_second else ([registered(window)], gap - 1.0 + TRIED)
-            tried = [self._aligned_from(window, start, gap) for start in starts for gap in gaps]
-            other, share_there = max(tried, key=lambda one: one[1])
-            if share_there > share:
-                found, share = other, share_there
+            others = [self._aligned_from(window, start, gap) for start in starts for gap in gaps]
+            found, share = max([(found, share), *others], key=lambda one: one[1])
         self._take(found)
         self._share = max(share, 0.9 * self._share)
         return share
