@@ -114,7 +114,7 @@ class Check:
             "rate": f"{1.0 / self.period:.2f} scans a second, by {self.clock}" if self.period else "no times of scans",
             "gaps, copies": f"{self.gaps} gaps, {self.copies} scans twice",
             "times of points": sweep,
-            "frame": self.frame,
+            **({"frame": self.frame} if self.frame else {}),
             "brings": ", ".join(self.brings) or "scans alone",
         }
         said = [*rows.items(), *(("assumed", one) for one in self.assumed), *(("doubt", one) for one in self.doubts)]
