@@ -147,6 +147,8 @@ def _check_one(place: Path, format: str | None) -> Check:
         scans = [sequence[i] for i in evenly_spread(range(len(sequence)), LOOKS)]
         _look_at(scans, found)
         found.doubts = recording_warnings(sequence, USUAL_RATE)
+        if empty := [scan.name for scan in scans if not scan.is_valid.any()]:
+            found.doubts.append(f"{len(empty)} of {len(scans)} scans looked at have no points of use, as {empty[0]}.")
         _look_beside(sequence, found)
     except AutomosError as error:
         found.error = str(error)
