@@ -114,7 +114,7 @@ class Check:
             "rate": f"{1.0 / self.period:.2f} scans a second, by {self.clock}" if self.period else "no times of scans",
             "gaps, copies": f"{self.gaps} gaps, {self.copies} scans twice",
             "times of points": sweep,
-            "frame": self.frame,
+            **({"frame": self.frame} if self.frame else {}),
             "brings": ", ".join(self.brings) or "scans alone",
         }
         said = [*rows.items(), *(("assumed", one) for one in self.assumed), *(("doubt", one) for one in self.doubts)]
@@ -147,6 +147,8 @@ def _check_one(place: Path, format: str | None) -> Check:
         scans = [sequence[i] for i in evenly_spread(range(len(sequence)), LOOKS)]
         _look_at(scans, found)
         found.doubts = recording_warnings(sequence, USUAL_RATE)
+        if empty := [scan.name for scan in scans if not scan.is_valid.any()]:
+            found.doubts.append(f"{len(empty)} of {len(scans)} scans looked at have no points of use, as {empty[0]}.")
         _look_beside(sequence, found)
     except AutomosError as error:
         found.error = str(error)
