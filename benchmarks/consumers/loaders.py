@@ -139,8 +139,9 @@ def opensceneflow(repository: Path, exports: Path) -> str:
 def main() -> None:
     """Run one loader and say what it read."""
     name, repositories, exports = sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3])
-    for kind in (float, int, bool):  # they use np.float and the like, which NumPy no longer has
-        setattr(np, kind.__name__, kind)
+    for kind in (float, int, bool):  # they use np.float and the like, which NumPy no longer has, or has as its own
+        if not hasattr(np, kind.__name__):
+            setattr(np, kind.__name__, kind)
     sys.modules["open3d"] = MagicMock()
     loaders = {
         "4DMOS helimos": lambda: helimos(repositories / "4DMOS", "mos4d", exports),

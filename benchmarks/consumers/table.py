@@ -26,7 +26,7 @@ ENVIRONMENTS = {
     "ros2": ["{here}[dev-ros2]"],
     "ncore": ["{here}[dev,ncore]"],
     "odometry": ["{here}[dev]", "rko-lio", "evalio"],
-    "t4": ["{here}[dev]", "t4-devkit @ git+https://github.com/tier4/t4-devkit@4496b3e"],
+    "t4": ["{here}[dev]", "colorama", "t4-devkit @ git+https://github.com/tier4/t4-devkit@4496b3e"],
     "trainers": ["torch", "torchvision", "pytorch-lightning", "scipy", "h5py", "tqdm", "kiss-icp", "PyYAML"],
 }
 """What each environment has installed; `core` is the one that runs this."""
@@ -109,7 +109,7 @@ def by_tests(python: str | None, rows: tuple[tuple[str, str, str, str], ...]) ->
     files, parts = sorted({row[2] for row in rows}), " or ".join(dict.fromkeys(row[3] for row in rows))
     with tempfile.TemporaryDirectory() as scratch:
         report = Path(scratch) / "report.xml"
-        command = [python, "-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider", "-k", parts, *files]
+        command = [python, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-k", parts, *files]
         inherited = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
         subprocess.run([*command, f"--junit-xml={report}"], cwd=ROOT, env=inherited, capture_output=True, check=False)
         cases = list(ElementTree.parse(report).iter("testcase")) if report.exists() else []

@@ -1,9 +1,10 @@
 """Kill, starve, lock out and race commands, and count what is lost: python tests/fuzz/kills.py --faults 100 [--seed 0].
 
-A fault is a command (label, export, merge, clean, report, map, or `Result.save`) into a folder that others' files lie
-beside or behind, and one of: a kill at a random moment, a disk that is full from a random number of bytes on, a folder
-that may not be written, a link, a second run at the same time. After it no file of anybody is changed, what is
-unfinished passes for results nowhere, and the command, run again, gives the bytes that it gives undisturbed.
+A fault is a command (label, also over results of other settings, export, merge, clean, report, map, or `Result.save`)
+into a folder that others' files lie beside, behind or, of `label over`, within, and one of: a kill at a random moment,
+a disk that is full from a random number of bytes on, a folder that may not be written, a link, a second run at the same
+time. After it no file of anybody is changed, what is unfinished passes for results nowhere, and the command, run again,
+gives the bytes that it gives undisturbed.
 """
 
 import argparse
@@ -34,6 +35,8 @@ NOBODY = 65534
 N_SCANS = 8
 COMMANDS = {
     "label": ("label", "{log}", "--workers", "1", "--out", "{out}"),
+    "label over": ("label", "{log}", "--workers", "1", "--out", "{out}"),
+    "former": ("label", "{log}", "--workers", "1", "--out", "{out}", "--set", "tracking.max_gap=0"),
     "export": ("export", "{run}", "{log}", "--to", "kitti_tracking", "--out", "{out}"),
     "merge": ("merge", "{run}", "{log}", "{run}/predictions", "--out", "{out}"),
     "clean": ("clean", "{run}", "--out", "{out}"),
@@ -41,6 +44,8 @@ COMMANDS = {
     "map": ("map", "{run}", "--out", "{out}"),
     "save": (),
 }
+WITHIN = ("thesis.tex", "predictions/mine.txt", "stages/thesis/thesis.tex", "stages/labels-0123456789abcdef/000000.npz")
+"""What somebody put into the folder of results."""
 FAULTS = ("kill", "kill", "kill", "kill", "full", "locked", "link", "race")
 
 
@@ -48,7 +53,7 @@ class Ground:
     """A recording, its results, and what each command gives undisturbed."""
 
     def __init__(self, root: Path):
-        self.root, self.log, self.run = root, root / "log", root / "run"
+        self.root, self.log, self.run, self.former = root, root / "log", root / "run", root / "whole_former"
         write_bins(lane(N_SCANS).sequence, self.log)
         self.wanted: dict[str, dict[str, bytes]] = {}
         self.lasts: dict[str, float] = {}
@@ -60,6 +65,17 @@ class Ground:
             if code := wait_for(self.start(name, out)):
                 raise SystemExit(f"{name} ends with {code} undisturbed")
             self.lasts[name], self.wanted[name] = time.monotonic() - began, contents(out)
+
+    def prepare(self, name: str, out: Path) -> list[Path]:
+        """Fill `out` with what a command finds there; return what of it is somebody's."""
+        if name != "label over":
+            return []
+        shutil.copytree(self.former, out)
+        theirs = [out / path for path in WITHIN]
+        for path in theirs:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text("mine")
+        return theirs
 
     def start(self, name: str, out: Path, before: Callable[[], object] = lambda: None) -> int:
         """Run a command in a process of its own, after `before`; return its number."""
@@ -107,7 +123,9 @@ def try_fault(ground: Ground, name: str, fault: str, rng: random.Random, work: P
     out, theirs = work / "out", work / "theirs"
     theirs.mkdir(parents=True)
     (theirs / "thesis.tex").write_text("mine")
-    before = {path: path.read_bytes() for place in (ground.log, theirs) for path in place.rglob("*") if path.is_file()}
+    within = [] if fault in ("locked", "link") else ground.prepare(name, out)
+    strangers = [path for place in (ground.log, theirs) for path in place.rglob("*") if path.is_file()] + within
+    before = {path: path.read_bytes() for path in strangers}
     codes: list[int] = []
     match fault:
         case "kill":
@@ -134,12 +152,18 @@ def try_fault(ground: Ground, name: str, fault: str, rng: random.Random, work: P
             codes += [wait_for(each) for each in [ground.start(name, out), ground.start(name, out)]]
     if set(codes) - {0, 2}:
         return f"exit codes {codes}: {(ground.root / 'said').read_text()[-300:]!r}"
-    if name in ("label", "merge", "save") and _passes(out) and _labels(contents(out)) != _labels(ground.wanted[name]):
-        return "what is unfinished passes for results"
+    if name in ("label", "label over", "merge", "save") and _passes(out):
+        wholes = [ground.wanted[each] for each in (name, *(["former"] if within else []))]
+        if _labels(contents(out)) not in map(_labels, wholes):
+            return "what is unfinished passes for results"
     if {path: path.read_bytes() for path in before if path.exists()} != before:
         return "somebody's files are not what they were"
     if code := wait_for(ground.start(name, out)):
         return f"run again it ends with {code}: {(ground.root / 'said').read_text()[-300:]!r}"
+    if {path: path.read_bytes() for path in before if path.exists()} != before:
+        return "somebody's files are not what they were once it ran again"
+    for path in within:
+        path.unlink()
     found, wanted = contents(out), ground.wanted[name]
     differ = sorted(key for key in found.keys() | wanted.keys() if found.get(key) != wanted.get(key))
     return f"run again it gives other bytes: {differ[:5]}" if differ else ""
@@ -180,7 +204,7 @@ def disturb(
         ground = Ground(root)
         for number in range(seed, seed + n_faults):
             rng, work = random.Random(number), root / f"fault{number}"
-            commands = (*COMMANDS, "label", "label")
+            commands = (*(each for each in COMMANDS if each != "former"), "label")
             name = commands[number % len(commands)]
             fault = FAULTS[(number + number // len(commands)) % len(FAULTS)]  # in 72 faults every pair of both
             said = try_fault(ground, name, fault, rng, work)

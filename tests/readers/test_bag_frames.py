@@ -201,10 +201,13 @@ def test_the_sensors_own_topic_is_preferred_and_the_other_can_be_named(tmp_path)
     sequence = open_sequence(tmp_path / "log.mcap")
     assert_sensors_own(sequence, log, atol=0)
     assert sequence.is_compensated is None
+    assert sequence.about["frame"] == "the sensor's own (os_sensor)"
     assert any(
         "/a/cloud_registered holds clouds in a map's frame; those of /raw are taken" in w for w in sequence.warnings
     )
-    assert_sensors_own(open_sequence(tmp_path / "log.mcap" / "a" / "cloud_registered"), log)
+    named = open_sequence(tmp_path / "log.mcap" / "a" / "cloud_registered")
+    assert_sensors_own(named, log)
+    assert named.about["frame"] == "a map's, from which they were taken back (odom)"
 
 
 @pytest.mark.parametrize("has_poses", [False, True])

@@ -58,6 +58,13 @@ def test_a_recording_in_an_archive_is_read_as_if_it_were_unpacked(tmp_path, suff
     assert sequence.fingerprint() == open_sequence(path).fingerprint()
 
 
+@pytest.mark.parametrize("inside", ["", "drive/", "drive/velodyne/"])
+def test_an_archive_of_one_scan_is_a_recording_of_one(tmp_path, inside):
+    scans = clouds(1)
+    (scan,) = open_sequence(pack(tmp_path / "packed.zip", write_drive(tmp_path / "drive", ".bin", scans), inside))
+    np.testing.assert_array_equal(scan.points, scans[0][:, :3])
+
+
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_a_folder_of_archives_of_a_cloud_each_is_a_recording(tmp_path, suffix):
     plain = write_drive(tmp_path / "drive", suffix, clouds(4))

@@ -86,6 +86,12 @@ CASES = {
         lambda f, scans: write_pcds(f, scans, FAR),
         "drive cannot be labelled: {} has clouds in the frame of a map (world frame)",
     ),
+    "empty": (
+        lambda f, scans: write_bins(
+            f, [one if i != 5 else {n: c[:0] for n, c in one.items()} for i, one in enumerate(scans)]
+        ),
+        "drive can be labelled, with 1 doubt: 12 scans, a folder, .bin files of x,y,z,intensity, 16 beams all round",
+    ),
     "few": (
         lambda f, scans: write_bins(f, scans[:3]),
         "drive can be labelled, with 1 doubt: 3 scans, a folder, .bin files of x,y,z,intensity, 16 beams all round",

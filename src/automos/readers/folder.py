@@ -27,7 +27,7 @@ from automos.readers.mounts import read_mounts
 from automos.readers.point_times import PointTimes, judge_times, sweep_starts
 from automos.readers.record_layout import find_columns
 from automos.readers.seen_order import put_in_seen_order
-from automos.readers.sensor_place import find_frame
+from automos.readers.sensor_place import find_frame, frame_said
 from automos.readers.time_order import put_in_order, read_times, usual_step
 from automos.readers.units import unit_of
 
@@ -122,8 +122,7 @@ class FolderSequence(Sequence):
     def about(self) -> dict[str, str]:
         """Kind of the files, and the columns of those that do not name them; what gives the stamps; their frame."""
         files = f"{Path(self._files[0]).suffix.lower()} files{self.columns and f' of {self.columns}'}"
-        frame = "the sensor's own" if self._T_file_sensor is None else "a map's, from which they were taken back"
-        return {"files": files, "times": self._clock, "frame": frame}
+        return {"files": files, "times": self._clock, "frame": frame_said(self._T_file_sensor)}
 
     @property
     def stamps(self) -> npt.NDArray[np.float64] | None:

@@ -24,7 +24,7 @@ from automos.readers.packets.decode import Decoder, make_decoder
 from automos.readers.packets.messages import as_datagrams, read_packets, rows_of_scans
 from automos.readers.point_cloud2 import EMPTY, points_counted
 from automos.readers.point_times import judge_times
-from automos.readers.sensor_place import find_frame
+from automos.readers.sensor_place import find_frame, frame_said
 from automos.readers.stamped_poses import truth_beside
 from automos.readers.time_order import count_unset, put_in_order
 
@@ -105,8 +105,9 @@ class RosbagSequence(Sequence):
 
     @property
     def about(self) -> dict[str, str]:
-        """The kind of its files, and the topic."""
-        return {"files": f"{self.bag.paths[0].suffix or 'files'} with {self.topic.name}"}
+        """The kind of its files, and the topic; the frame of its clouds."""
+        files = f"{self.bag.paths[0].suffix or 'files'} with {self.topic.name}"
+        return {"files": files, "frame": f"{frame_said(self._T_frame_sensor)} ({self.frame_id})"}
 
     @property
     def is_compensated(self) -> bool | None:

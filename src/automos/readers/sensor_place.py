@@ -36,6 +36,11 @@ RawPoints = Callable[[int], Array]
 """Returns the (N, 3) coordinates of a scan as its file has them."""
 
 
+def frame_said(T_frame_sensor: Pose | None) -> str:
+    """Return in words what clouds are given in, of what `find_frame` returns."""
+    return "the sensor's own" if T_frame_sensor is None else "a map's, from which they were taken back"
+
+
 class Spacing:
     """Some points of a cloud, and how far apart the points are there."""
 

@@ -76,6 +76,8 @@ class ZippedSequence(OwnSequence):
                 raise InputError(f"{path} unpacks to {needed >> 20} MB, and {place.parent} has room for {room >> 20}")
             archive.extractall(place)
         while len(inside := [p for p in place.iterdir() if not p.name.startswith((".", "__MACOSX"))]) == 1:
+            if inside[0].suffix.lower() in CODEC_OF_SUFFIX:
+                break  # a scan, or a folder called as one: what holds it is the recording
             place = inside[0]
             if not place.is_dir():
                 break

@@ -40,8 +40,7 @@ class Check:
     Attributes
     ----------
     place, name, what : where it is, what its results will be called, and what kind it is.
-    scans, points : how many it has, and a usual scan has.
-    fields : what the points have beside coordinates.
+    scans, points, fields : how many it has, and a usual scan has; what these have beside coordinates.
     beams, elevations, azimuths : how many beams the LiDAR has (None: no fixed ones), from and to which degrees they
         look, and how many degrees around.
     sensor : a LiDAR that has such beams; empty where none is known.
@@ -114,7 +113,7 @@ class Check:
             "rate": f"{1.0 / self.period:.2f} scans a second, by {self.clock}" if self.period else "no times of scans",
             "gaps, copies": f"{self.gaps} gaps, {self.copies} scans twice",
             "times of points": sweep,
-            "frame": self.frame,
+            **({"frame": self.frame} if self.frame else {}),
             "brings": ", ".join(self.brings) or "scans alone",
         }
         said = [*rows.items(), *(("assumed", one) for one in self.assumed), *(("doubt", one) for one in self.doubts)]
@@ -147,6 +146,8 @@ def _check_one(place: Path, format: str | None) -> Check:
         scans = [sequence[i] for i in evenly_spread(range(len(sequence)), LOOKS)]
         _look_at(scans, found)
         found.doubts = recording_warnings(sequence, USUAL_RATE)
+        if empty := [scan.name for scan in scans if not scan.is_valid.any()]:
+            found.doubts.append(f"{len(empty)} of {len(scans)} scans looked at have no points of use, as {empty[0]}.")
         _look_beside(sequence, found)
     except AutomosError as error:
         found.error = str(error)

@@ -12,8 +12,11 @@ from made_run import INSTANCES, LABELS, SIZE, T_LEVEL_WORLD, T_WORLD_SENSOR, mak
 from automos.core.errors import InputError
 from automos.core.geometry import inverse, transform
 from automos.core.scan import Scan
+from automos.odometry.sweep_timing import SweepTiming
 from automos.results.run_files import RunFiles
 from automos.writers.training.make import make_training_set
+from automos.writers.training.members import members_of
+from automos.writers.training.range_images import ImageSensor
 from automos.writers.training.sequence import Extras
 
 KEPT = [0, 2]
@@ -197,3 +200,16 @@ def test_like_sensors_share_an_image_that_holds_the_rays_of_both(run):
     sensors = [ImageSensor(64, 3, -25), ImageSensor(64, 2, -26), ImageSensor(32, 10, -30)]
     joined = _with_joined_sensors([replace(member, sensor=sensor) for sensor in sensors])
     assert [one.sensor for one in joined] == [ImageSensor(64, 3, -26), ImageSensor(64, 3, -26), sensors[2]]
+
+
+def test_a_sensor_is_one_of_its_rays_whatever_rides_along_and_how_fast(tmp_path):
+    elevation, azimuth = (a.ravel() for a in np.radians(np.meshgrid(np.linspace(-29.5, 9.5, 32), np.arange(360.0))))
+    ranges = np.where(elevation < np.radians(-25.0), 1.0, 15.0)  # the lowest see what carries the sensor
+    rays = np.column_stack([np.cos(azimuth), np.sin(azimuth), np.tan(elevation)]) * np.cos(elevation)[:, None]
+    ring = np.tile(np.arange(32, dtype=np.uint16), 360)
+    scan = Scan((ranges[:, None] * rays).astype(np.float32), time=(azimuth / 20 / np.pi).astype(np.float32), ring=ring)
+    scans = [replace(scan, name=f"{i:06d}") for i in range(3)]
+    motion = np.tile([2.5, 0.0, 0.0, 0.0, 0.0, 0.0], (3, 1))
+    run = make_run(tmp_path / "run", "street", scans, SweepTiming("file", 0.1, share=1.0), motion)
+    (member,) = members_of([run], {})
+    assert member.sensor == ImageSensor(32, 10, -30)

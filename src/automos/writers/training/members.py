@@ -96,12 +96,15 @@ def members_of(runs: Sequence[RunFiles], splits: Mapping[str, str]) -> list[Memb
 
 
 def _sensor_of(run: RunFiles) -> ImageSensor:
-    """Return the sensor of a run, from some of its scans: their beam numbers if they have such, else their pattern."""
+    """Return the sensor of a run, from some of its scans: their beam numbers if they have such, else their pattern.
+
+    Its rays are those of the scans as measured: compensated, those that meet what rides along are degrees off.
+    """
     scans = {index: run.scan(index) for index in spread(len(run), _SHOWN)}
     rings = [scan.ring for scan in scans.values() if scan.ring is not None and len(scan.ring)]
-    frames = [frame for index, scan in scans.items() if (frame := run.frame(scan, index)) is not None]
-    n_rows = max(int(ring.max()) for ring in rings) + 1 if rings else learn_pattern(frames).n_rows
-    return measure_sensor([frame.points for frame in frames], n_rows)
+    frames = (run.frame(scan, index) for index, scan in scans.items())
+    n_rows = max(int(ring.max()) for ring in rings) + 1 if rings else learn_pattern(filter(None, frames)).n_rows
+    return measure_sensor([scan.points[scan.is_valid] for scan in scans.values()], n_rows)
 
 
 def _with_joined_sensors(members: list[Member]) -> list[Member]:

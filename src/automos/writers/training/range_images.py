@@ -63,7 +63,7 @@ class ImageSensor:
 def measure_sensor(scans: Iterable[Points], n_rows: int) -> ImageSensor:
     """Return the sensor of `scans`, (N, 3) each, that has `n_rows` rows of rays.
 
-    One point in a thousand may lie beyond its ends: what motion compensation or a wet road bends away.
+    One point in a thousand may lie beyond its ends: what a wet road bends away.
     """
     sines = [scan[:, 2] / np.linalg.norm(scan, axis=1) for scan in scans if len(scan)]
     low, high = np.degrees(np.arcsin(np.quantile(np.concatenate(sines), [1e-3, 1.0 - 1e-3]))) if sines else (-1.0, 1.0)
