@@ -50,8 +50,7 @@ JUDGE, PAIRS = "automos.objects.judge", "automos.objects.association"
 BODY = "automos.evidence.ego_body"
 CHOICES: dict[str, dict[str, Any]] = {
     "everything": {},
-    "evidence of 1 s only": {"candidates.free_space.spans": [0.2, 0.4, 0.6, 0.8, 1.0],
-                             "automos.evidence.free_space:FIRST_SPANS": (0.6, 1.0)},
+    "evidence of 1 s only": {"candidates.free_space.spans": [0.2, 0.4, 0.6, 0.8, 1.0]},
     "a lone point seen through counts in full": {"candidates.free_space.lone_weight": 1.0},
     "ERASOR instead of free space": {"candidates.method": "erasor"},
     "HDBSCAN instead of components": {"instances.method": "hdbscan"},

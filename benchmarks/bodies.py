@@ -1,7 +1,5 @@
 """How good objects are: movers whole, tracks, boxes; and whether as many bodies move as their probability says."""
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -12,14 +10,14 @@ from labels import N_BINS, scores_of
 from recordings import opened
 from rows import Lines, Row, part_of, percent, sensor_of
 
-from automos import Workspace, label, load_settings
+from automos import load_settings
 from automos.core.labels import Label, to_mos
 from automos.core.scan import Sequence
 from automos.evaluation.objects import SIZES, scores_of_objects
 from automos.evaluation.report import evaluate_recordings
+from automos.labeling import label_recording
 from automos.results.box_scores import box_errors
 from automos.results.run_files import RunFiles
-from automos.results.writing import write_results
 from automos.review.run_stages import RunStages
 
 LEAST_BODIES = 30
@@ -31,9 +29,8 @@ DRAWS, INTERVAL = 2000, 90.0
 def score(recording: str, store: Path, method: str = "default") -> dict[str, Any]:
     """Return scores of points, objects and boxes, and how many bodies of each probability have moved."""
     with opened(recording, store) as made, tempfile.TemporaryDirectory() as folder:
-        place, settings = Path(folder) / "run", load_settings(method)
-        result = label(made.sequence, settings, workspace=Workspace(place), workers=1)
-        write_results(place, made.sequence, result, settings)
+        place = Path(folder) / "run"
+        label_recording(made.sequence, place, load_settings(method), workers=1)
         (found,) = evaluate_recordings(place, [made.sequence]).recordings.values()
         return {
             "scans": len(made.sequence),

@@ -6,8 +6,6 @@ looked at, and so are 200 to 204 of `calibration`, and 210 and 211 of `objects`.
 seeds. Networks have the seeds of `automos.network.domains`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import product

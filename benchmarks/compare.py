@@ -1,7 +1,5 @@
 """What got worse between two results of the same experiments."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Seconds and megabytes: of every stage, of the odometry beside its authors' own, of the online network, of a fleet."""
 
-from __future__ import annotations
-
 import hashlib
 import tempfile
 import time

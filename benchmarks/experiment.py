@@ -4,8 +4,6 @@ Its result is kept by the contents of the package, so a second run, or one after
 missing. Called as a program, it performs the experiment that a file describes: `run.py` starts it so.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

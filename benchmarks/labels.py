@@ -1,7 +1,5 @@
 """How good labels are, and what they cost: of a preset, with or without changes, or of any method that is compared."""
 
-from __future__ import annotations
-
 import shutil
 import tempfile
 import time

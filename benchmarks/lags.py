@@ -5,8 +5,6 @@ a mover that stood in plain view for a second; what counts are the metres along 
 from the first scan in which it moves to the first in which half of its points are called moving.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import time

@@ -4,8 +4,6 @@ Recordings, labels, networks and scores are kept in the store by the contents of
 goes on, and what the tables share is made once. One process works in a folder at a time, others wait for it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace

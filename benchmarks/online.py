@@ -10,8 +10,6 @@ Rivals get the poses that the method found at lag 0; their times leave the odome
 Each method runs in a process of its own, so that memory is its own.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import multiprocessing

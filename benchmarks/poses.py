@@ -1,7 +1,5 @@
 """How good poses are: drift against reference poses, wrong speeds and whether a warning says so, thickness of walls."""
 
-from __future__ import annotations
-
 import re
 import time
 from pathlib import Path

@@ -6,8 +6,6 @@ drawn with seed K: nobody would call it another recording) or @CASE, one of `cas
 fields of a recorder's convention (`DRIVE@turns=1.09;order=time`).
 """
 
-from __future__ import annotations
-
 import os
 import tempfile
 from collections.abc import Iterator

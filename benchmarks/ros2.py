@@ -6,8 +6,6 @@ ENV has rclpy (`pip install -e ".[dev-ros2]"`, or a ROS 2). Each scan is thinned
 clouds were sent, labelled and left out, how long after a cloud its labels arrive, and the node's processor time.
 """
 
-from __future__ import annotations
-
 import argparse
 import array
 import os

@@ -1,7 +1,5 @@
 """What the tables of README and docs show of each benchmark's result: a heading, then rows of text."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from typing import Any
 

@@ -11,8 +11,6 @@ status, seconds, processor seconds and peak memory of the whole process. Results
 the package. Real recordings are those of the folder that AUTOMOS_RECORDINGS names (it holds `sequences/NAME`).
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -3,8 +3,6 @@
 A table stands between `<!-- table NAME -->` and `<!-- end -->`, below it the command, the commit and the day.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Calls in a forked process, which has a single thread: what other tests left running in theirs stays behind."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """Frames of tiny worlds for the tests of free space: one spinning sensor, blocks on a plane."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Raw sweeps of tiny worlds: every beam leaves from where the sensor is at the beam's own time."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A street with known traffic, as the recordings of the test-only writers: what a sensor saw, where, and the boxes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """`docs/algorithm.md` and the code name each other: every equation its functions, every function its equations."""
 
-from __future__ import annotations
-
 import ast
 import inspect
 import re

@@ -4,8 +4,6 @@ Scans are instantaneous (nothing to compensate), with a centimetre of range nois
 a voxel's border. `street` has what a street has, `lane` is small.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -8,8 +8,6 @@ MotionSeg3D, MF-MOS, InsMOS, OpenSceneFlow. EXPORTS holds `helimos`, `semanticki
 (open3d, spconv) is replaced by nothing.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import inspect
 import json

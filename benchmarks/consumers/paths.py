@@ -7,8 +7,6 @@ into a temporary folder, and KISS-ICP's own loader reads both as folders of .bin
 relative error of translation over all parts of some lengths, and the absolute error (RMSE) once aligned.
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 from pathlib import Path

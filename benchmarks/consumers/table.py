@@ -9,8 +9,6 @@ repositories in FOLDER/repositories. What cannot be installed is not proven, and
 proof fails.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import shutil

@@ -6,8 +6,6 @@ estimates poses. The shares have no kernel in common, or it would be compiled tw
 compiles everything ahead of any run.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal
@@ -22,7 +20,7 @@ from numba.core.caching import NullCache
 
 from automos.core.array_sequence import ArraySequence
 from automos.core.geometry import make_transform
-from automos.core.made_up_sweep import BOX, SENSOR, SPEED, box_center, made_up_sweep
+from automos.core.made_up_sweep import BOX, HEIGHT, SPEED, box_center, made_up_sweep
 from automos.core.parallel import available_cores, end_with
 from automos.core.scan import GROUND, OBJECT
 from automos.core.working_folder import SAFE_PATH
@@ -131,7 +129,9 @@ def compile_share(share: str) -> None:
     T, motion = np.tile(np.eye(4), (n, 1, 1)), np.zeros((n, 6))
     T[:, 0, 3], motion[:, 0] = SPEED * _STAMPS, 0.1 * SPEED
     timing = SweepTiming("azimuth", turn=1, seam_deg=180.0, share=1.0)
-    steps.run.fill("odometry", {"all": Trajectory(T, _STAMPS, motion, timing, make_transform(t=SENSOR)).to_arrays()})
+    steps.run.fill(
+        "odometry", {"all": Trajectory(T, _STAMPS, motion, timing, make_transform(t=[0.0, 0.0, HEIGHT])).to_arrays()}
+    )
     if share == "candidates":
         steps.candidates()
         return

@@ -10,8 +10,6 @@ With `lag=0` each scan is labelled from itself and the past. A lag of half a sec
 `math.inf` gives those of `automos.label`. Memory holds a window of some seconds, whatever the length of the recording.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 from collections import deque

@@ -1,7 +1,5 @@
 """Labels one recording into one results folder: for Python, for `automos label` and for the workers of a cluster."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from tempfile import TemporaryDirectory

@@ -12,8 +12,6 @@ stores its own in the workspace, scan by scan if possible. A stage whose results
 and settings, is not run again.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial

@@ -1,7 +1,5 @@
 """A yard with exact truth of every point: who it lies on, seen by one spinning sensor that drives through."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The first minute: what the demo makes, without a network and without torch."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

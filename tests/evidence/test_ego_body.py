@@ -12,7 +12,7 @@ from automos.core.scan import Frame
 from automos.evidence.ego_body import decide_body, find_ego_body, image_of
 from automos.evidence.ground import find_ground
 from automos.evidence.on_body import is_on_body
-from automos.settings import EgoBodySettings, GroundSettings
+from automos.settings import CandidatesSettings, GroundSettings
 
 BONNET = Block((1.6, 0.0, HEIGHT - 0.8), (1.0, 1.4, 0.3))  # beside a sensor at x = 0
 HOUSES = tuple(Block((10.0 * k, side, 3.0), (6.0 + k % 3, 4.0, 6.0)) for k in range(-3, 8) for side in (-11.0, 12.0))
@@ -22,7 +22,7 @@ def lidar_of(frames, sample):
     """The LiDAR as learnt from the frames `sample`, with the body that all frames show."""
     pattern = learn_pattern([frames[i] for i in sample])
     lidar = Lidar(0, np.eye(4), pattern)
-    return replace(lidar, body=find_ego_body(frames, lidar, ground_of, EgoBodySettings()))
+    return replace(lidar, body=find_ego_body(frames, lidar, ground_of, CandidatesSettings()))
 
 
 def ground_of(frame):

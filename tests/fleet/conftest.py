@@ -1,4 +1,4 @@
-"""Recordings so small that thirty are labelled in seconds, their labels, and a store that behaves like S3."""
+"""Small recordings with their labels, and a store that behaves like S3."""
 
 import os
 import socket
@@ -6,50 +6,15 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from worlds import Block, drive, record, rider, write_bins
+from small_fleet import N_SCANS, Fleet, result_files, write_recording
 
 from automos.labeling import label_recording
 from automos.readers import open_sequence
-from automos.settings import Settings, load_settings
-
-N_SCANS = 12
-
-
-@dataclass(frozen=True)
-class Fleet:
-    """A folder of recordings, the settings they are labelled with, and all result files that must be the same."""
-
-    folder: Path
-    settings: Settings
-    expected: dict[str, dict[str, bytes]]
-
-    @property
-    def names(self) -> list[str]:
-        return list(self.expected)
-
-    def differences(self, results: Path) -> list[str]:
-        """Return names of recordings whose results in folder `results` are not those of a plain run, byte for byte."""
-        return [name for name in self.names if result_files(results / name) != self.expected[name]]
-
-
-def result_files(folder: Path) -> dict[str, bytes]:
-    """Return what a run leaves, but for what tells of time and place."""
-    labels = [*folder.glob("predictions/*"), *folder.glob("confidences/*")]
-    kept = [*labels, *(folder / name for name in ("poses.txt", "poses.tum", "tracks.json"))]
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in kept if path.exists()}
-
-
-def write_recording(folder: Path, seed: int, n_scans: int = N_SCANS) -> Path:
-    """Write a lane with two cyclists; each seed another."""
-    walls = (Block((0.0, 12.0, 3.0), (60.0, 2.0, 6.0)), Block((0.0, -12.0, 3.0), (60.0, 2.0, 6.0)))
-    riders = (rider(-3.0 + 0.2 * seed, 5.0, speed=5.0), rider(6.0, -3.0, yaw=1.6, speed=4.0 + 0.1 * seed))
-    world = record((*walls, *riders), drive(n_scans), n_beams=10, seed=seed)
-    return write_bins(world.sequence, folder)
+from automos.settings import load_settings
 
 
 @pytest.fixture(scope="session")

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from conftest import N_SCANS, result_files, write_recording
+from small_fleet import N_SCANS, result_files, write_recording
 
 from automos.fleet.executors import Executor, InProcess
 from automos.fleet.label import Resources, label_fleet

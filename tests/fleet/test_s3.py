@@ -7,7 +7,7 @@ import threading
 import time
 
 import pytest
-from conftest import result_files
+from small_fleet import result_files
 
 from automos.cli import main
 from automos.fleet.label import Resources, label_fleet

@@ -1,7 +1,5 @@
 """Small whole recordings of every kind, written by the suite's own writers, for the fuzzer to damage."""
 
-from __future__ import annotations
-
 import importlib
 import sys
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Commands called as the shell calls them, and what must not come of one."""
 
-from __future__ import annotations
-
 import io
 import sys
 from contextlib import redirect_stderr, redirect_stdout

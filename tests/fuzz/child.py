@@ -5,8 +5,6 @@ Outcomes: refused (one sentence that names where), accepted (as many points as t
 traceback, wrong. A crash or a hang is seen by the process that waits.
 """
 
-from __future__ import annotations
-
 import json
 import logging
 import os

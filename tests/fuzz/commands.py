@@ -4,8 +4,6 @@ What is damaged is a copy of a small recording, of the results made from it, and
 labels of another program, poses, settings, a log of decisions, the books of a fleet).
 """
 
-from __future__ import annotations
-
 import json
 import random
 import shutil

@@ -1,7 +1,5 @@
 """Damage by structure: the numbers, words, fields, counts and offsets of a file, its end, its name and its kind."""
 
-from __future__ import annotations
-
 import json
 import os
 import random

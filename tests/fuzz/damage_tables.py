@@ -1,7 +1,5 @@
 """Damage to tables and arrays (values, types, shapes, columns, rows), and to bytes where these cannot be read."""
 
-from __future__ import annotations
-
 import random
 import struct
 from pathlib import Path

@@ -3,8 +3,6 @@
 In pieces: --inputs 500 --seed 0, --inputs 500 --seed 500, and so on, are the same inputs.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import queue

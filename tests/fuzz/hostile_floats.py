@@ -1,7 +1,5 @@
 """What damaged files hold where coordinates should be, and what kernels are given made of it."""
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Iterator
 from pathlib import Path

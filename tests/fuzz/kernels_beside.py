@@ -1,7 +1,5 @@
 """Every compiled kernel of readers, networks and other methods, called with points of any floats."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from types import SimpleNamespace
 

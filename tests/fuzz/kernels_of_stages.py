@@ -1,7 +1,5 @@
 """Every compiled kernel of the stages, called with points of any floats."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
@@ -24,7 +22,6 @@ from automos.objects.boxes import fit_boxes
 from automos.objects.face_paths import path_terms
 from automos.objects.motion import smooth
 from automos.objects.object_points import paint_objects
-from automos.objects.paper import hierarchy
 from automos.objects.segments import segment_points
 from automos.objects.states import state_probabilities
 from automos.objects.tracks import Tracks, observed
@@ -90,8 +87,6 @@ def _instances(points: np.ndarray) -> None:
     fit_boxes(points, ids, np.ones(ids.max() + 1))
     segment_points(points, points[:, 2], (0.02, 0.003), SETTINGS.instances.components.segments)
     detect._summarise(ids, points, points[:, 2], np.full(n, 255, np.uint8), ids > 0, ids > 1)
-    hierarchy._summarise(np.zeros(n, np.int32), points[:, 0], points[:, 1], points)
-    hierarchy._cut(2, np.array([[0.0, 1.0, points[0, 0], 2.0]]), np.array([2.0, 1.0]))
 
 
 def _tracking(points: np.ndarray) -> None:

@@ -7,8 +7,6 @@ time. After it no file of anybody is changed, what is unfinished passes for resu
 gives the bytes that it gives undisturbed.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import random

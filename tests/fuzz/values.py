@@ -1,7 +1,5 @@
 """Hostile values for every option of every command, and lists of recordings."""
 
-from __future__ import annotations
-
 import random
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Sweeps of a VLP-16 in a room where someone walks, as the packets it would send. For tests only."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Tiny labelled recordings on disk, and a stand-in for a network that needs nothing installed."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from automos.objects.bodies import joined, links_in_time, parts_of_bodies
+from automos.objects.bodies import cut_where_two, joined, links_in_time, parts_of_bodies
 from automos.objects.tracks import Tracks
 
 TIMES = 0.1 * np.arange(60)
@@ -19,7 +19,8 @@ def track(number, scans, x, y=0.0, velocity=(0.0, 0.0), size=(4.0, 1.8, 1.5)):
 def body_of(tracks, is_moving, n_points):
     owner = parts_of_bodies(tracks, is_moving, np.bincount(tracks.track, n_points[tracks.track]))
     is_whole = np.bincount(tracks.track, owner == tracks.track, len(tracks)) > 0
-    return joined(tracks, owner, *links_in_time(tracks, is_moving, is_whole, TIMES), n_points[tracks.track])
+    links = links_in_time(tracks, is_moving, is_whole, np.zeros(len(tracks.track)), TIMES)
+    return joined(tracks, owner, *links, n_points[tracks.track])
 
 
 def test_a_mirror_that_goes_with_a_car_is_its_part_and_a_post_that_it_passes_is_not():
@@ -49,6 +50,20 @@ def test_what_is_hidden_for_a_second_goes_on_and_what_comes_the_other_way_is_ano
     coming = track(1, after, 60.0 - after * 1.0, velocity=(-10.0, 0.0))
     bodies, _ = body_of(Tracks.concatenate([going[0], coming]), np.array([True, True]), np.array([50.0, 50.0]))
     assert len(bodies) == 2
+
+
+def departure(evidence):
+    """Return the tracks that are left of one that stands, is lost for a second, and goes on beside at 3 m/s."""
+    before, after = np.arange(20), np.arange(30, 50)
+    rows = [track(0, before, 0.0), track(0, after, 0.1 * 3.0 * (after - 25.0), velocity=(3.0, 0.0))]
+    tracks = Tracks.concatenate(rows)
+    stands = tracks.scan < 20
+    return cut_where_two(tracks, np.array([True]), np.where(stands, evidence, 0.5), TIMES)
+
+
+def test_what_stood_and_drives_off_is_one_unless_its_place_was_never_free():
+    assert len(departure(1.0)) == 1
+    assert len(departure(-2.5)) == 2
 
 
 def test_no_tracks_are_no_bodies():

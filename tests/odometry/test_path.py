@@ -2,7 +2,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from raw_worlds import TOWN, curve, true_poses, worst_distance
+from raw_worlds import TOWN, curve, sweep, true_poses, worst_distance
 from worlds import record, street
 
 from automos import load_settings
@@ -121,3 +121,15 @@ def test_scans_that_are_missing_are_counted_where_nothing_is_stamped(drive):
     poses, odometry = every_pose([scans[i] for i in kept], lag=np.inf, has_stamps=False)
     assert list(odometry.missing.values()) == [3.0]
     assert worst_distance(poses, truth[kept]) < 0.03
+
+
+@pytest.mark.parametrize("lost", [range(9, 11), range(9, 13)])
+def test_a_sensor_that_turns_while_scans_are_lost_is_found_again_at_once(lost):
+    pose, kept = curve(1.5, 1.5), [i for i in range(18) if i not in lost]
+    odometry = Path(SETTINGS, SweepTiming("file", duration=0.1, share=1.0))
+    for k, i in enumerate(kept):
+        scan = sweep(TOWN, pose, 0.1 * i, n_beams=32)
+        odometry.push(TimedScan(lambda scan=scan: scan, 0.1 * k, 1.0 if k else 0.0, 0.1))
+        if i == lost.stop:
+            assert odometry.window.gaps[-1] == len(lost) + 1
+    assert worst_distance(odometry.window.T_world_sensor, true_poses(pose, 18)[kept]) < 0.02

@@ -7,8 +7,9 @@ from automos import Labeler, load_settings
 from automos.core.upright_boxes import Boxes
 from automos.objects.detections import Detections
 from automos.objects.tracker import Tracker, track_objects, until_last_seen
+from automos.objects.tracking import SCRAP
 from automos.objects.tracks import Tracks
-from automos.online.following import MEMORY, SURE, Following
+from automos.online.following import MEMORY, Following
 
 SETTINGS = load_settings("default").tracking
 
@@ -68,7 +69,7 @@ def test_what_appears_for_a_moment_moves_only_if_that_is_sure_but_at_the_start_e
         following.add(0.1 * k, seen_to_move(0.3, 1.0 * k), ASKED)
         verdicts = following.at(0.1 * k, []).verdicts
         p.append((bool(verdicts.is_moving[0]), probability(following, 0.1 * k)))
-    assert 0.5 < p[3][1] < SURE
+    assert 0.5 < p[3][1] < SCRAP
     assert p[3][0] == is_at_start  # after 0.3 s
     assert p[-1][0]  # after 0.7 s
 

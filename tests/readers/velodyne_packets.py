@@ -1,7 +1,5 @@
 """Captures of a VLP-16 as its manual describes them, made from known ranges. For tests only."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 

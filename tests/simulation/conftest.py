@@ -1,7 +1,5 @@
 """The ground, a crate and a sensor without noise: what tests of the simulator build their small worlds from."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

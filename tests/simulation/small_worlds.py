@@ -1,7 +1,5 @@
 """A small world whose every distance can be computed by hand: a plane, a wall, and boxes on the move."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from automos.simulation.ego import EgoMotion

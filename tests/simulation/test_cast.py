@@ -1,7 +1,5 @@
 """Beams against bodies whose distances are known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from small_worlds import make_world, straight

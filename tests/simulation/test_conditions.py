@@ -1,7 +1,5 @@
 """What carries the sensor, several sensors, air and bright signs: exact where a figure is known."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np

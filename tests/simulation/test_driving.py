@@ -1,7 +1,5 @@
 """Road users on straight roads, where what they must do is plain."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """How the ego's body rides."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Paths whose shapes are known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What the sensor makes of hits."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What must hold in every scenario: labels agree with boxes, nobody drives through anybody, odometry can follow."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Beam tables and firing patterns."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

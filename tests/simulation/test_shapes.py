@@ -1,7 +1,5 @@
 """Things have the sizes of what they are named after, and stand on the ground."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

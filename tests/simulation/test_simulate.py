@@ -1,7 +1,5 @@
 """Simulated sequences as their users see them."""
 
-from __future__ import annotations
-
 import pickle
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The ground's heights and its mesh."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Moving means: moved at some time while observed."""
 
-from __future__ import annotations
-
 import numpy as np
 from small_worlds import N_STEPS, make_world, straight
 

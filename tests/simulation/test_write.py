@@ -1,7 +1,5 @@
 """Simulated sequences on disk."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -4,8 +4,6 @@ Only voxels that some point of the batch fell into are stored: what a ray passes
 of the air lies in bricks without any, which a ray crosses at the cost of one look-up each.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -1,7 +1,5 @@
 """Past scans as depth images: all their points in pixels, so that what lies around a direction is found at once."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

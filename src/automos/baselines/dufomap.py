@@ -4,8 +4,6 @@ Duberg, Zhang, Jia, Jensfelt, "DUFOMap: Efficient Dynamic Awareness Mapping" (RA
 A voxel is empty if rays went through all of it and its surroundings, hits inflated by `d_s`, the unknown by `d_p`.
 """
 
-from __future__ import annotations
-
 import importlib
 import os
 from collections.abc import Iterator

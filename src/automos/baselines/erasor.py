@@ -7,8 +7,6 @@ occupancy") is small, the bin's voxels above a plane fitted to its lowest part (
 moves if its voxel was removed. The map is edited in place: later scans are compared with a cleaner map.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """One step of ERASOR: the comparison of a scan with the map, by polar bins."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

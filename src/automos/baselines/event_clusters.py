@@ -1,7 +1,5 @@
 """M-detector's step from events to objects ("frame-out"): few or scattered events are dropped, dense ones completed."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

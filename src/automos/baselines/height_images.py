@@ -4,8 +4,6 @@ The ground segmentation of Arora et al. (ECMR 2021): the scan is drawn from abov
 which are widened by a pixel; low points off the edges are ground. Images of several pixel sizes vote.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

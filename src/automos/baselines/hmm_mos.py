@@ -7,8 +7,6 @@ counted over a neighbourhood, in which what is unobserved counts against them; a
 scans are summed, and Otsu's threshold separates motion from flicker. Only the past is used, as in the paper.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -7,8 +7,6 @@ Points that pass one of three tests are events; clusters of them are completed t
 longer taken for something that stood ("frame-out", "cluster future"). Only the past is used.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterator
 

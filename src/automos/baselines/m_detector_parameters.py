@@ -6,8 +6,6 @@ rays, the view that the sensor has. For KITTI's sensor the file gives a view fro
 degrees less than the sensor's own.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

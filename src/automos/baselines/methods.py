@@ -4,8 +4,6 @@ Every map-based method turns its map into labels of scans by the same rule: a po
 fell into itself, never that of whatever is nearest in the cleaned map.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import import_module

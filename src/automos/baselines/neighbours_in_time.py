@@ -1,7 +1,5 @@
 """Which other scans of a recording a scan is compared with."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

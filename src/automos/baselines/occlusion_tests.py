@@ -4,8 +4,6 @@ Case 1 is for what crosses the view, 2 for what goes away along a ray, 3 for wha
 which something stood where the point lies says nothing; in cases 2 and 3 the point is not an event then.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -6,8 +6,6 @@ batch; voxels with ground points stay occupied, whatever grazing rays say; a poi
 where its voxel is unknown its nearest neighbours decide.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

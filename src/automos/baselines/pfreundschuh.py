@@ -5,8 +5,6 @@ Generation of Training Data" (ICRA 2021), as Chen et al. compare with it: visibi
 not ground, one vote per cluster.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial

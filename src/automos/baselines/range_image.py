@@ -1,7 +1,5 @@
 """Range images: the nearest (or farthest) point per pixel of evenly spaced elevations and azimuths."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -3,8 +3,6 @@
 A bin is a few metres wide, so a plane fits its ground, unlike that of the whole scene.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from automos.core.kernels import kernel

@@ -1,7 +1,5 @@
 """Regions of points that touch, as voxels that do."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

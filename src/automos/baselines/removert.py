@@ -7,8 +7,6 @@ never had: what left is looked at again in ever coarser pixels, in which the nea
 what no scan removes there comes back. Grazing ground and edges come back, what left its place does not.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Division of recordings into overlapping submaps, which bounds the memory of methods that build a map."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -6,8 +6,6 @@ candidates; those on rays of the other scan that went on are kept, those that we
 box filter takes lone ones away; regions grow from what is left over near points that are not ground.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The command line: one module per group of commands. A command parses, calls one function and prints."""
 
-from __future__ import annotations
-
 import io
 import os
 import signal

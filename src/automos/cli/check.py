@@ -1,7 +1,5 @@
 """The command `check`: what a recording is, and whether it can be labelled."""
 
-from __future__ import annotations
-
 import json
 from contextlib import suppress
 from typing import Annotated

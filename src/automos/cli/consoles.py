@@ -1,7 +1,5 @@
 """Consoles: results go to standard output, messages about them to standard error."""
 
-from __future__ import annotations
-
 import logging
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The demo: simulate a street, label it, score the labels and draw them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The commands `formats`, `export` and `merge`: list formats, write results in them, and read corrections back."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """The commands `dataset` and `clean`: results as what trainers of networks, mappers and robots read."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Annotated

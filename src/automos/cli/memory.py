@@ -5,8 +5,6 @@ code alone, nothing is started. Under any other limit the command runs in a chil
 report how it ended.
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 import signal

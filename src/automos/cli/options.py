@@ -1,7 +1,5 @@
 """Arguments and options shared by several commands, each with one name and one help text."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from functools import wraps

@@ -1,7 +1,5 @@
 """The command `ros2`: label the clouds of a robot, as a node of its ROS 2."""
 
-from __future__ import annotations
-
 import typer
 
 from automos.cli.consoles import console, output

@@ -1,7 +1,5 @@
 """The commands `evaluate` and `drift`: score labels and poses against ground truth."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Annotated

@@ -1,7 +1,5 @@
 """The commands `demo` and `simulate`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """Checks of paths and objects that callers pass: InputError with a sentence if they are something else."""
 
-from __future__ import annotations
-
 import errno
 import os
 from collections import Counter

@@ -1,7 +1,5 @@
 """A recording in memory: scans or plain arrays, with the same interface as any other recording."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterable
 from collections.abc import Sequence as Sequence_

@@ -1,7 +1,5 @@
 """Array types, and the check that turns what a caller passes into an array of the right type and shape."""
 
-from __future__ import annotations
-
 from typing import Any, Protocol, TypeVar
 
 import numpy as np

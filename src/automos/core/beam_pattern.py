@@ -5,8 +5,6 @@ each elevation. With both, (elevation, azimuth) maps to rows and columns, whethe
 blocks, few, or never repeat. Angles are those of the raw sweep, before motion compensation.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
@@ -16,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.directions import MIN_POINTS, N_DIRECTIONS, last_looks, raw_points
+from automos.core.geometry import Array
 from automos.core.scan import Frame, Pose
 
-Array = npt.NDArray[np.float64]
 _SINE_BINS = 4096
 _N_LEVELS = 5
 _MICRO_ROW, _ROUGH_ROW = np.radians(0.05), np.radians(0.1)
@@ -85,7 +83,7 @@ class Lidar:
     body: EgoBody | None = None
 
 
-def ray_steps(lidars: list[Lidar]) -> npt.NDArray[np.float64]:
+def ray_steps(lidars: list[Lidar]) -> Array:
     """Return (2,) radians between neighbouring rows and columns of rays, for the sparsest of `lidars`.
 
     Those without a known pattern do not count, unless all are: most have no points.

@@ -1,7 +1,5 @@
 """Cells and azimuths from coordinates, in compiled kernels."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from automos.core.kernels import kernel

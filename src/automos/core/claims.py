@@ -5,8 +5,6 @@ it holds. A file that the user names is new, empty, or has a sign in it that onl
 what a folder of ours leads to through a link within it is ours only if it bears a mark of its own.
 """
 
-from __future__ import annotations
-
 import json
 import mmap
 import os

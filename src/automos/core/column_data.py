@@ -1,7 +1,5 @@
 """Data classes whose fields are columns: arrays with one row for each thing."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Self

@@ -3,8 +3,6 @@
 A covariance is given as its six values xx, xy, xz, yy, yz, zz.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from automos.core.kernels import kernel

@@ -4,8 +4,6 @@ If every scan begins at the same azimuth, a direction has the same time in all o
 by time begins each scan at another azimuth, and a scan of more than a turn observes a sector twice.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -4,8 +4,6 @@ The package called `automos` on PyPI is a different project, so the hint names t
 checkout it runs from, the folder or wheel that was given to pip, and only then the name of the distribution.
 """
 
-from __future__ import annotations
-
 import json
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path

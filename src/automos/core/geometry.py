@@ -3,8 +3,6 @@
 Transforms are named by their frames, `T_target_source`, so that a wrong product is visible; chains match on the inside.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -4,8 +4,6 @@ Kernels release the interpreter's lock, and are kept on disk where a folder for 
 C, so that none gets an entry for it: a quarter of what a small kernel takes to compile.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import Any

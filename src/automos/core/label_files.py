@@ -1,7 +1,5 @@
 """SemanticKITTI's label files, one uint32 per point, and files of confidences: read and checked."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The labels and their numbers (SemanticKITTI's)."""
 
-from __future__ import annotations
-
 from enum import IntEnum
 
 import numpy as np
@@ -29,12 +27,6 @@ class Label(IntEnum):
 OUTLIER = 1
 """SemanticKITTI's number for drops, dust and false returns in the air. Its moving-object benchmark leaves them out."""
 
-_MOS_OF_ID = np.zeros(1 << 16, np.uint8)
-_MOS_OF_ID[9:100] = Label.STATIC
-_MOS_OF_ID[251:260] = Label.MOVING
-_IS_CLASS = np.zeros(1 << 16, np.bool_)
-_IS_CLASS[:100] = _IS_CLASS[251:260] = True
-
 
 def to_mos(semantic: npt.ArrayLike) -> npt.NDArray[np.uint8]:
     """Return SemanticKITTI labels mapped as its moving-object benchmark maps them (semantic-kitti-mos.yaml).
@@ -47,14 +39,20 @@ def to_mos(semantic: npt.ArrayLike) -> npt.NDArray[np.uint8]:
     -------
     (N,) uint8 with the values of `Label`: 9..99 are STATIC, 251..259 MOVING, everything else UNLABELED.
     """
-    return _MOS_OF_ID[np.asarray(semantic).astype(np.uint32) & 0xFFFF]
+    classes = np.asarray(semantic).astype(np.uint32) & 0xFFFF
+    moves, stands = _moves(classes), (classes >= Label.STATIC) & (classes < 100)
+    return np.select([moves, stands], [Label.MOVING, Label.STATIC], Label.UNLABELED).astype(np.uint8)
 
 
 def find_unknown(semantic: npt.NDArray[np.uint32]) -> int | None:
     """Return a class among `semantic` (N,) that SemanticKITTI does not have (0 to 99, 251 to 259); None if all are."""
     classes = semantic & 0xFFFF
-    is_known = _IS_CLASS[classes]
+    is_known = (classes < 100) | _moves(classes)
     return None if is_known.all() else int(classes[is_known.argmin()])
+
+
+def _moves(classes: npt.NDArray[np.integer]) -> npt.NDArray[np.bool_]:
+    return (classes >= Label.MOVING) & (classes < 260)
 
 
 def as_probability(confidence: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:

@@ -1,7 +1,5 @@
 """The least-squares step of a pose graph: factors between poses, solved for small motions of all poses at once."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -4,8 +4,6 @@ Beside the mark by which a folder is known to be ours, a JSON file in it says of
 anything else and says "unfinished" until all of it is written, so that a reader sees what is half.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """A sequence class of the caller's own, checked: InputError for a value that does not fit, when it is read."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from threading import Lock
 from typing import Any

@@ -5,8 +5,6 @@ not import the caller's script again, so a script needs no `if __name__ == "__ma
 kernels release the lock. Order and results do not depend on the number of workers.
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 import time

@@ -6,8 +6,6 @@ two. A file that cannot be matched with the scans without doubt is an error: pos
 and ruin labels.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Write pose files: KITTI (12 numbers per line) and TUM (8 numbers per line)."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

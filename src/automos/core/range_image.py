@@ -5,8 +5,6 @@ longest range; their difference shows the slope of a surface and the edges of ob
 shortest range of anything but ground in windows of increasingly coarse cells: was a place of a given width free?
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

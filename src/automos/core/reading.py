@@ -4,8 +4,6 @@ A pipe or a device would block without end. Whatever makes a parser fail (a malf
 nesting, a count beyond all memory) is reported as a fault of the file.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os

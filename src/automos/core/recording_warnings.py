@@ -1,7 +1,5 @@
 """Irregularities of a recording, in sentences: its clock, missing, duplicate or too few scans, foreign poses."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -1,7 +1,5 @@
 """The stages of one run: which results exist, which are missing, and how long each stage took."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager

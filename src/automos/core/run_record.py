@@ -1,7 +1,5 @@
 """The schema of run.json, checked when it is read."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field

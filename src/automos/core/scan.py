@@ -22,7 +22,7 @@ from automos.core.frames import Frames as Frames
 from automos.core.geometry import inverse, is_rigid, transform, with_exact_rotations
 from automos.core.upright_boxes import TrueBoxes
 
-OBJECT, GROUND, EGO_BODY, SPECK = 0, 1, 2, 3
+OBJECT, GROUND, EGO_BODY, SPECK = range(4)
 """Kinds of points of a frame: what may be an object, and what is none (a speck: a drop, dust, an insect, noise)."""
 MIN_RANGE = 0.1
 """Metres. Drivers write "no return" as a point at (or a rounding error from) the origin."""

@@ -9,10 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.column_data import ColumnData
-from automos.core.geometry import transform, wrap_angle
+from automos.core.geometry import Array, transform, wrap_angle
 from automos.core.kernels import kernel
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

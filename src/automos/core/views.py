@@ -1,7 +1,5 @@
 """Recordings that show a part of another one: some of its scans, or of their points."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

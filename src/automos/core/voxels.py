@@ -4,8 +4,6 @@ With this index, a decision on a voxel applies to the points of the scans. A sea
 map would lose points to quantisation: at 0.2 m, a fifth of all points have no map point within 0.1 m.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 
@@ -14,7 +12,9 @@ from automos.core.kernels import kernel
 
 BITS = 20
 """Bits of a voxel key per axis: 100 km in each direction at 0.2 m. The lowest three bits are free for callers."""
-ALONG_X, ALONG_Y, ALONG_Z = 1 << (2 * BITS + 3), 1 << (BITS + 3), 1 << 3
+ALONG_Z = 1 << 3
+ALONG_Y = ALONG_Z << BITS
+ALONG_X = ALONG_Y << BITS
 """Differences between the keys of neighbouring voxels."""
 
 

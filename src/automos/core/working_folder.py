@@ -5,8 +5,6 @@ and Matplotlib read settings from it, and numba's can name a folder of compiled 
 of that.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -5,8 +5,6 @@ one file per scan, written under a temporary name and then renamed. So existing 
 settings are never read. The same interface keeps results in memory for callers that want no files.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import zipfile

@@ -10,13 +10,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.core.column_data import ColumnData
+from automos.core.geometry import Array
 from automos.core.upright_boxes import Boxes, iou_3d
 from automos.evaluation.overlaps import NO_TRACK, STANDS, Ints, Overlaps
-
-Floats = npt.NDArray[np.float64]
 
 FEWEST = 30
 """Points in a scan from which a mover's box counts."""
@@ -45,11 +43,11 @@ class BoxErrors(ColumnData):
     """
 
     mover: Ints
-    iou: Floats
-    length: Floats
-    width: Floats
-    yaw: Floats
-    velocity: Floats
+    iou: Array
+    length: Array
+    width: Array
+    yaw: Array
+    velocity: Array
 
     @classmethod
     def empty(cls) -> BoxErrors:
@@ -67,7 +65,7 @@ class BoxErrors(ColumnData):
         return {"boxes": len(self), "with_track": float(np.mean(has_box)) if len(self) else None, **shares, **spread}
 
 
-def _spread(mover: Ints, values: Floats, worst: int) -> dict[str, float | None]:
+def _spread(mover: Ints, values: Array, worst: int) -> dict[str, float | None]:
     known = np.isfinite(values)
     if not known.any():
         return dict.fromkeys(("median", "worst_tenth", "over_movers"))
@@ -98,7 +96,7 @@ def _rank(on: Overlaps, scan: Ints, mover: Ints) -> Ints:
     return row.ravel()
 
 
-def compare_boxes(found: Boxes, true: Boxes) -> tuple[Floats, Floats, Floats, Floats]:
+def compare_boxes(found: Boxes, true: Boxes) -> tuple[Array, Array, Array, Array]:
     """Return (M,) IoU from above, errors of length and width (metres) and yaw (degrees) of M pairs in one frame.
 
     Of a true box that is wider than long, the longer side is its length: some datasets measure along y.
@@ -115,12 +113,12 @@ def compare_boxes(found: Boxes, true: Boxes) -> tuple[Floats, Floats, Floats, Fl
     return iou.reshape(len(found)), length, width, turn
 
 
-def _flat(center: Floats, size: Floats, yaw: Floats) -> Boxes:
+def _flat(center: Array, size: Array, yaw: Array) -> Boxes:
     """Return boxes one metre high that stand at height 0: their overlap in space is that from above."""
     return Boxes(center * [1.0, 1.0, 0.0], size * [1.0, 1.0, 0.0] + [0.0, 0.0, 1.0], yaw, np.ones(len(yaw)))
 
 
-def true_velocity(stamps: Floats, centers: Floats) -> Floats:
+def true_velocity(stamps: Array, centers: Array) -> Array:
     """Return (M, 3) metres per second of a box at times `stamps` (M,) and places `centers` (M, 3) that stand still.
 
     Each is the displacement from some `LAG` before to some `LAG` after; NaN where that is more than four of them apart.

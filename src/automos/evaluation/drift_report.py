@@ -1,7 +1,5 @@
 """Errors of estimated poses against reference poses, as a table."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -4,8 +4,6 @@ IoU counts points, and a near van has a hundred times the points of a far pedest
 flow sees objects. All measures are of *moving* tracks, over points whose truth is known.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

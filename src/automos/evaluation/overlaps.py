@@ -1,7 +1,5 @@
 """Points that true movers and found tracks share, scan by scan: the table from which all measures of objects follow."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Self

@@ -1,7 +1,5 @@
 """Label files on disk: where those of a recording are, whether they are complete, and each point's track."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

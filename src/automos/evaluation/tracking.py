@@ -4,8 +4,6 @@ A detection is what a scan holds of one mover, or of one moving track; two are a
 HOTA: Luiten et al., IJCV 2021. IDF1: Ristani et al., ECCV Workshops 2016.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -13,9 +11,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
+from automos.core.geometry import Array
 from automos.evaluation.overlaps import NO_TRACK, STANDS, Overlaps
-
-Floats = npt.NDArray[np.float64]
 
 ALPHAS = np.arange(0.05, 0.99, 0.05)
 """Similarities from which two detections may match, over which HOTA is the mean."""
@@ -30,9 +27,9 @@ class Detections:
 
     n_movers: int
     n_tracks: int
-    scans: list[tuple[npt.NDArray, npt.NDArray, Floats]]
+    scans: list[tuple[npt.NDArray, npt.NDArray, Array]]
 
-    def __iter__(self) -> Iterator[tuple[npt.NDArray, npt.NDArray, Floats]]:
+    def __iter__(self) -> Iterator[tuple[npt.NDArray, npt.NDArray, Array]]:
         return iter(self.scans)
 
 

@@ -4,8 +4,6 @@ All functions take poses `T_world_sensor` (N, 4, 4) of the same N scans in both 
 common world frame; for absolute errors the two trajectories are aligned first.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ would be one segment with it, as large as the cloud, of which no motion can be s
 other scans' points: where dust was, a car may pass at any time, and what is behind is observed between them.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -12,8 +12,6 @@ What is connected to the body belongs to it (`on_body`). While the sensor stands
 does no harm: objects that never move are static.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
@@ -23,14 +21,13 @@ import numpy.typing as npt
 from automos.core.arrays import evenly_spread
 from automos.core.beam_pattern import BeamPattern, EgoBody, Lidar, directions
 from automos.core.directions import last_looks, motion_of, raw_points
-from automos.core.geometry import inverse, se3_log, transform
+from automos.core.geometry import Array, inverse, se3_log, transform
 from automos.core.range_image import NO_RAY, UNIT, RangeImage, make_image, over_neighbours, project
 from automos.core.scan import Frame, Frames, Mask, Points
-from automos.evidence.look_through import EDGE, HIT, look_through
+from automos.evidence.look_through import EDGE, HIT, look_through, tolerances_of
 from automos.evidence.on_body import cells_within, extent_in, extent_in_most, parts_of
-from automos.settings import EgoBodySettings
+from automos.settings import CandidatesSettings, EgoBodySettings, FreeSpaceSettings
 
-Array = npt.NDArray[np.float64]
 Ranges = npt.NDArray[np.float32]
 MIN_SCANS, MAX_SCANS = 9, 40
 """With fewer scans at different poses, no body is detected; of more, so many, spread evenly, are evaluated."""
@@ -47,8 +44,6 @@ STEADIEST = 25  # percentile of a part's drift that counts: a hinged part is ste
 MIN_CELLS = 4  # least number of neighbouring rays that meet a part of the body
 _LOOKS = 16  # scans that vote on whether a possible body is world, and show what is connected to it
 _ASKED = 20_000  # greatest number of points of a scan that others vote on
-_TOLERANCES = tuple(np.float32(x) for x in (0.2, 0.005, 0.25, 0.01, 0.2))  # of `look_through`
-_BEFORE = 0.35  # metres beyond a possible body that a ray that met it may end: a little more than a hit's tolerance
 _WORLD_SHARE = 0.05  # share of hits among the reports above which a cell is world
 _LEAST_SHARE = 0.02  # share of free-space observations among the reports; fewer may be due to errors of the poses
 
@@ -57,47 +52,47 @@ def find_ego_body(
     frames: Frames,
     lidar: Lidar,
     find_ground: Callable[[Frame], Mask],
-    settings: EgoBodySettings,
+    settings: CandidatesSettings,
     threads: int = 2,
 ) -> EgoBody | None:
     """Return the ego body that `frames` show for one `lidar`, None if there is none or too little motion to find it.
 
     `find_ground` returns which points of a frame are ground: they connect nothing to the body.
     """
-    T_level_sensor = frames.T_level_sensor @ lidar.T_scan_sensor
+    T_level_sensor, max_range = frames.T_level_sensor @ lidar.T_scan_sensor, settings.ego_body.max_range
     scans = _scans_apart(T_level_sensor)
     if len(scans) < MIN_SCANS:
         return None
 
     def extent(frame: Frame) -> Ranges:
         rows, part = frame.of_sensor(lidar.number)
-        return extent_in(raw_points(part), find_ground(frame)[rows], reach, lidar.pattern, settings.max_range)
+        return extent_in(raw_points(part), find_ground(frame)[rows], reach, lidar.pattern, max_range)
 
     with ThreadPoolExecutor(threads) as pool:
-        ranges = np.stack(list(pool.map(lambda i: _nearest_ranges(frames[i], lidar, settings.max_range), scans)))
+        ranges = np.stack(list(pool.map(lambda i: _nearest_ranges(frames[i], lidar, max_range), scans)))
         few = [frames[i] for i in evenly_spread(scans, _LOOKS)]
         reach = _find_reach(ranges, few, lidar, settings)
         return EgoBody(reach, extent_in_most(list(pool.map(extent, few)))) if reach.any() else None
 
 
-def _find_reach(ranges: Ranges, few: list[Frame], lidar: Lidar, settings: EgoBodySettings) -> Ranges:
+def _find_reach(ranges: Ranges, few: list[Frame], lidar: Lidar, settings: CandidatesSettings) -> Ranges:
     """Return (H, W) the range up to which the body reaches along each ray of `lidar`, metres; 0 where there is none.
 
     `ranges` (K, H, W) are those of `_nearest_ranges` in K frames, a `few` of which vote.
     """
-    pattern = lidar.pattern
+    pattern, about = lidar.pattern, settings.ego_body
     first, _, last = np.array_split(ranges, 3)
-    ends, slack = np.stack([find_constant(part, settings) for part in (first, last)], axis=1)
-    near = np.stack([_find_near(part, settings.near_reach) for part in (first, last)])
+    ends, slack = np.stack([find_constant(part, about) for part in (first, last)], axis=1)
+    near = np.stack([_find_near(part, about.near_reach) for part in (first, last)])
     near = np.where((near > 0.0).all(axis=0), near.max(axis=0), np.float32(0.0))
     may_be = np.maximum(ends.max(axis=0), near)
     # Even ground keeps its range, too, and its own hits do not count; people before it would decide that it is body.
     nearest = np.where(ends > 0.0, ends - 2.0 * slack, np.float32(np.inf)).min(axis=0)
     nearest = np.where(near > 0.0, np.float32(0.0), nearest)
     asked = [frame.of_sensor(lidar.number)[1] for frame in few]
-    is_body = decide_body(_ask_others(asked, pattern, may_be, nearest), pattern, may_be)
+    is_body = decide_body(_ask_others(asked, pattern, may_be, nearest, settings.free_space), pattern, may_be)
     ends[:, ~is_body], near[~is_body] = 0.0, 0.0
-    stays = _stays_put(ends, near, slack.max(axis=0), pattern, settings)
+    stays = _stays_put(ends, near, slack.max(axis=0), pattern, about)
     reach = np.maximum(np.where(stays, ends.max(axis=0), 0.0), near)
     # Rays hit and miss an edge alternately, so one cell to each side belongs to the body, unless it is world.
     return np.where((may_be > 0.0) & ~is_body, 0.0, over_neighbours(reach, np.maximum)).astype(np.float32)
@@ -169,7 +164,9 @@ def _stays_put(ends: Ranges, near: Ranges, slack: Ranges, pattern: BeamPattern, 
     return is_part
 
 
-def _ask_others(frames: list[Frame], pattern: BeamPattern, reach: Ranges, nearest: Ranges) -> Array:
+def _ask_others(
+    frames: list[Frame], pattern: BeamPattern, reach: Ranges, nearest: Ranges, settings: FreeSpaceSettings
+) -> Array:
     """Return (3, H, W) the numbers of reports, hits and free-space observations of each cell.
 
     Each of `frames` reports on the points of all others that are nearer than `reach` and not before `nearest`, both
@@ -177,7 +174,9 @@ def _ask_others(frames: list[Frame], pattern: BeamPattern, reach: Ranges, neares
     """
     raws = [raw_points(frame) for frame in frames]
     images = [image_of(frame, raw, pattern) for frame, raw in zip(frames, raws, strict=True)]
-    may_be_met = over_neighbours(np.where(reach > 0.0, reach + np.float32(_BEFORE), np.float32(0.0)), np.maximum)
+    tolerances = tolerances_of(settings)
+    hit = settings.hit + settings.hit_per_metre * reach  # a ray that met the body may end so much beyond
+    may_be_met = over_neighbours(np.where(reach > 0.0, reach + hit, 0.0).astype(np.float32), np.maximum)
     votes = np.zeros((3, reach.size))
     for frame, raw in zip(frames, raws, strict=True):
         cell = cells_within(raw, reach, pattern, nearest)
@@ -188,7 +187,7 @@ def _ask_others(frames: list[Frame], pattern: BeamPattern, reach: Ranges, neares
             if other is frame:
                 continue
             T = inverse(other.T_level_sensor) @ frame.T_level_sensor
-            codes, _ = look_through(np.ascontiguousarray(points.T), T[:3].astype(np.float32), image, _TOLERANCES)
+            codes, _ = look_through(np.ascontiguousarray(points.T), T[:3].astype(np.float32), image, tolerances)
             meets_itself = cells_within(transform(T, points), may_be_met, pattern) >= 0
             of_points += codes >= EDGE, (codes == HIT) & ~meets_itself, codes > HIT
         votes += [np.bincount(cell[rows], of_kind, reach.size) for of_kind in of_points]

@@ -9,8 +9,6 @@ Rays start at their LiDAR. In merged clouds each LiDAR has its own view and repo
 into one report per scan, in which a hit by any LiDAR prevails, otherwise the strongest free-space observation.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -21,20 +19,18 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.arrays import evenly_spread
-from automos.core.geometry import inverse
+from automos.core.geometry import Array, inverse
 from automos.core.scan import Frames, Mask
-from automos.evidence.look_through import look_through
+from automos.evidence.look_through import look_through, tolerances_of
 from automos.evidence.observations import Seen, View, learn_lidars, look
 from automos.evidence.votes import Votes, count_hits, sum_votes, weigh_looks
 from automos.settings import CandidatesSettings, FreeSpaceSettings
 
-Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
 Net = npt.NDArray[np.float32]
 _PATTERN_SCANS = 5
 _PARTS, _PART = 4, 6000  # most parts of a scan for threads, and least points in a part, which pay for its overhead
 SPAN_TOLERANCE = 0.25  # share of a span by which the time of the asked scan may be off
-FIRST_SPANS = (0.6, 1.7, 4.0, 8.0)  # seconds, asked first; points that these scans agree to have hit have stayed
 SURE_HITS = 2  # number of hits, without any free-space observation, after which no more scans are asked
 
 
@@ -148,7 +144,9 @@ def _ask_part(
     points = np.ascontiguousarray(mine.objects[:, part])
     trusts = np.where(mine.is_supported[part], 1.0, settings.lone_weight)
     about = [np.linalg.norm(points, axis=0), heights[part], trusts]
-    first = {int(np.argmin(np.abs(offsets - span))) for span in (*FIRST_SPANS, *np.negative(FIRST_SPANS)) if others}
+    # Asked first is about every third; points that these scans agree to have hit have stayed.
+    thirds = np.sort(settings.spans)[::-3]
+    first = {int(np.argmin(np.abs(offsets - span))) for span in (*thirds, *-thirds) if others}
     votes = np.zeros((len(others), len(trusts)), np.int8)
     for k in first:
         votes[k] = _vote(mine, points, about, others[k], settings)
@@ -165,11 +163,9 @@ def _vote(
     mine: View, points: npt.NDArray[np.float32], about: list[npt.NDArray], other: Seen, settings: FreeSpaceSettings
 ) -> Votes:
     """Return (K,) the vote of another scan on `points` (3, K) of a view; for `about` see `weigh_looks`."""
-    s = settings
-    tolerances = tuple(np.float32(x) for x in (s.margin, s.margin_per_metre, s.hit, s.hit_per_metre, s.clear_width))
     votes = []
     for view in other.views:
         T = (inverse(view.T_level_sensor) @ mine.T_level_sensor)[:3].astype(np.float32)
-        looks = look_through(points, T, view.image, tolerances)
+        looks = look_through(points, T, view.image, tolerances_of(settings))
         votes.append(weigh_looks(*looks, *about, np.float32(view.image.pattern.row_height)))
     return reduce(lambda a, b: np.where(np.minimum(a, b) < 0, np.minimum(a, b), np.maximum(a, b)), votes)

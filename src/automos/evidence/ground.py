@@ -8,17 +8,15 @@ height map whose gaps are filled from increasingly coarse averages (pull-push). 
 assumed.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 
 from automos.core.cells import rough_turn_of
+from automos.core.geometry import Array
 from automos.core.kernels import kernel
 from automos.core.scan import Mask
 from automos.settings import GroundSettings
 
-Array = npt.NDArray[np.float64]
 HeightMap = npt.NDArray[np.floating]
 SECTORS = 360  # around the sensor
 START_RANGE = 10.0  # metres: range within which the initial height of the ground is taken

@@ -5,17 +5,22 @@ width, *weakly* if only the rays directly beside it did. It was *hit* if one of 
 ended in front of it (occluded) report nothing; neither do missing returns, which have too many causes.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from automos.core.cells import rough_turn_of, turn_of
 from automos.core.kernels import kernel
 from automos.core.range_image import UNIT
+from automos.settings import FreeSpaceSettings
 
 UNSEEN, BLOCKED, EDGE, HIT, WEAK, THROUGH = range(6)
 _BLOCK = 512
 _FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}  # fast arithmetic, but for flags that assume finite numbers
+
+
+def tolerances_of(settings: FreeSpaceSettings) -> tuple[np.float32, ...]:
+    """Return the tolerances of `look_through`."""
+    s = settings
+    return tuple(np.float32(x) for x in (s.margin, s.margin_per_metre, s.hit, s.hit_per_metre, s.clear_width))
 
 
 @kernel

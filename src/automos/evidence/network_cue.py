@@ -3,8 +3,6 @@
 Its log-odds are added to those of the evidence. They are bounded, so that clear evidence is not outvoted.
 """
 
-from __future__ import annotations
-
 import hashlib
 from pathlib import Path
 

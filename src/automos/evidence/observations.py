@@ -69,7 +69,7 @@ def with_body(lidars: list[Lidar], frames: Frames, settings: CandidatesSettings,
     def is_ground(frame: Frame) -> Mask:
         return find_ground(frame.points_level, frame.origin_level, settings.ground)[0]
 
-    about = is_ground, settings.ego_body, threads
+    about = is_ground, settings, threads
     return [replace(lidar, body=find_ego_body(frames, lidar, *about)) for lidar in lidars]
 
 

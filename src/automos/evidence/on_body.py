@@ -5,8 +5,6 @@ Points that are connected to it belong to it where it is a good part of the whol
 such points in their direction: people who stop beside a car are connected to it, too, but not in most scans.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

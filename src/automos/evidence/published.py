@@ -4,8 +4,6 @@ Methods are handed in by packages that name them in the entry point group `autom
 (ERASOR, which is the paper's, among them): a mapping of names to objects with `find_moving` and `key`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from importlib.metadata import entry_points
 from typing import Protocol

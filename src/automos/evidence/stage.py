@@ -1,7 +1,5 @@
 """III-B: the evidence of motion of each point of a scan, and its kind."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import islice
 

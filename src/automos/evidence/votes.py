@@ -5,8 +5,6 @@ The best such interval is found for every point and weighed against "it was alwa
 foliage, edges and grazing surfaces do not add up, while those of a car that waited do.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

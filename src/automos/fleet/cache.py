@@ -4,8 +4,6 @@ A copy is made whole or does not count. While somebody reads it, it is locked, a
 removing those unused for longest. Files keep the store's times, so that a recording fetched again is the same one.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import logging

@@ -5,8 +5,6 @@ units that many workers share. What is lost with a worker is done again, what ca
 reason, and the others go on.
 """
 
-from __future__ import annotations
-
 import logging
 from collections import Counter, deque
 from collections.abc import Callable, Iterable

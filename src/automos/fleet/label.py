@@ -1,7 +1,5 @@
 """`automos label` over many recordings: from the user's input to labels, ledger and report."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, field

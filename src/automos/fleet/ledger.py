@@ -6,8 +6,6 @@ them. The ledger is an account, not the truth: what is labelled is known from th
 makes the account incomplete, which is warned of, and never stops the work.
 """
 
-from __future__ import annotations
-
 import json
 import logging
 import re

@@ -1,7 +1,5 @@
 """What a worker knows of the machine it runs on."""
 
-from __future__ import annotations
-
 import os
 import platform
 import sys

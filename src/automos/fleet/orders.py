@@ -4,8 +4,6 @@ Whatever else changes (where workers run, where recordings lie, what fails), the
 from the one who deals out the work to those who do it, and back.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path

@@ -5,8 +5,6 @@ which settings. It is removed before anything else changes, and written when eve
 checked: whatever lies in a folder without it is not to be used, whoever was interrupted, and however.
 """
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import json

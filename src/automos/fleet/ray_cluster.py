@@ -1,7 +1,5 @@
 """The machines of a Ray cluster: work is placed by cores and memory; machines may come and go."""
 
-from __future__ import annotations
-
 import logging
 import socket
 from typing import Any

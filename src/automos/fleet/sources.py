@@ -1,7 +1,5 @@
 """Which recordings a run is about: those in a folder, in a list, in a bucket; and which of them are this machine's."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """The progress of a run: the merged ledgers of all processes that work on it."""
 
-from __future__ import annotations
-
 import json
 import sqlite3
 import tempfile

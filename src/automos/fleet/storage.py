@@ -5,8 +5,6 @@ pass (no such object, no permission, a full disk) is reported at once. Credentia
 stores' own libraries; they are in no address that is shown or written down.
 """
 
-from __future__ import annotations
-
 import errno
 import hashlib
 import logging

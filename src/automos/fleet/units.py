@@ -6,8 +6,6 @@ All units of a recording fill the same workspace, and the last one is the plain 
 everything made: a recording that was cut has the same results, byte for byte, as one that was not.
 """
 
-from __future__ import annotations
-
 import shutil
 import time
 import traceback

@@ -4,8 +4,6 @@ By default it lies in the system's temporary folder, where all users may make fo
 to another user, or is a link, is not used, and no other user can read it.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import stat

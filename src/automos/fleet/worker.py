@@ -1,7 +1,5 @@
 """The process behind a `LocalPool`: orders from its standard input, reports to its standard output, until both end."""
 
-from __future__ import annotations
-
 import logging
 import os
 import pickle

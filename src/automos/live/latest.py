@@ -1,7 +1,5 @@
 """A buffer for one scan between the receiving and the labelling thread."""
 
-from __future__ import annotations
-
 import threading
 
 from automos.core.scan import Scan

@@ -1,7 +1,5 @@
 """Opens the feed of scans for an address or a recording."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from automos.core.errors import InputError

@@ -1,7 +1,5 @@
 """Packets of an Ouster as they arrive: put together to frames and decoded by the maker's library, as from a file."""
 
-from __future__ import annotations
-
 from itertools import count
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The loop: takes the latest scan and passes on labels until the feed ends or Ctrl-C."""
 
-from __future__ import annotations
-
 import logging
 import signal
 import threading

@@ -1,7 +1,5 @@
 """Packets of one sensor over UDP: received on one address, separated from other packets."""
 
-from __future__ import annotations
-
 import logging
 import math
 import select

@@ -1,7 +1,5 @@
 """Packets of a Velodyne as they arrive: cut into sweeps and decoded exactly as those of a capture are."""
 
-from __future__ import annotations
-
 from itertools import count, pairwise
 
 import numpy as np

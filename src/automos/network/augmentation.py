@@ -4,8 +4,6 @@ Everything is done to points and poses of a whole window together, before any im
 changed world would give; LMNet's own code changes the range image alone and leaves the residuals of the old world.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

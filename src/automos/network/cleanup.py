@@ -4,8 +4,6 @@ A pixel shows one point; others that fall into it may lie behind, on something e
 whose ranges come nearest to the point's.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -3,8 +3,6 @@
 Whatever runs it, it is a function from an image (C, H, W) to the probability (H, W) that what each pixel shows moves.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from importlib.util import find_spec

@@ -4,8 +4,6 @@ Domain K takes KITTI's place (HDL-64E, European streets), domain A that of Apoll
 and a market of scooters). Seeds of the parts never meet, nor those on which the labeler's settings were chosen (0-9).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

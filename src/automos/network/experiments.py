@@ -4,8 +4,6 @@ Each is a folder that fills up: recordings, automatic labels, networks, scores. 
 experiment that was interrupted goes on with the same command.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """What the network is given: one scan as a range image with its residuals, made from points and poses."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

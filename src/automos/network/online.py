@@ -5,8 +5,6 @@ for scan in robot:
     labels = segmenter.step(scan)      # (N,) uint8, 9 static, 251 moving, 0 for points that are none
 """
 
-from __future__ import annotations
-
 import time
 from collections import deque
 from collections.abc import Iterator

@@ -4,8 +4,6 @@ Rows follow the sensor's own beams, given as a table from the sine of elevation 
 sparse beams all fill their rows; columns are even in azimuth. A point outside the beams' range goes to the nearest row.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

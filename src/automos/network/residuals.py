@@ -7,8 +7,6 @@ the pixel are asked as well: seen as free is only what all of them passed. The p
 never stored.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -3,8 +3,6 @@
 Rivals that do need them are scored by their prediction folders, `automos reproduce table2 --predictions NAME=FOLDER`.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

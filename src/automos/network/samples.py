@@ -1,7 +1,5 @@
 """What one training step sees: windows drawn from recordings, changed at random, as images with targets."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`automos segment`: one recording through the online network, labels out as `automos label` writes them."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from importlib.resources import files

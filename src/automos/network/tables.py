@@ -1,7 +1,5 @@
 """What an experiment comes to: a table in Markdown and JSON, a curve as a picture and JSON."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Data association of detections and tracked objects: costs, gates and one optimal assignment (paper III-D)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,27 +7,20 @@ import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
-from automos.core.scan import Mask
+from automos.core.geometry import Array
 from automos.core.upright_boxes import Boxes, iou_3d
 from automos.objects import filter as kalman
 from automos.objects.detections import Detections
 from automos.settings import AssociationSettings, FilterSettings, GateSettings
 
-Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
 MAX_CLIMB = 1.5  # metres: greatest difference between predicted and measured height
-MAX_COUNT_RATIO = 5.0  # greatest ratio of the numbers of points
 MIN_OVERLAP = 0.3
 """Overlap of predicted and measured box in the ground plane, above which they may be the same wherever their centres
 are: two solid objects cannot be in one place, and the centre of a lorry jumps by metres as its ends come into sight."""
+MAX_COUNT_RATIO = 5.0  # greatest ratio of the numbers of points
 SIZE_WEIGHT = 4.0  # cost of a change of size, in squared standard deviations
-COUNT_WEIGHT = 1.0  # cost of a ratio of e between the numbers of points
 EVIDENCE_WEIGHT = 2.0  # cost of a change from all points moving to all static
-EVIDENCE_TIME = 1.0  # seconds between a scan and those that say at least whether its points have stayed
-OTHER_EVIDENCE = 0.75
-"""What has stayed is no lost mover if its moving share is lower by more than this; or if more than this share of the
-mover has moved, and of the segment has stayed, and the segment is shorter than the mover's way in the time that the
-evidence spans. (Shares of a few points are close to a half. The middle of a long vehicle may seem to have stayed.)"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +32,6 @@ class Objects(kalman.Beliefs):
     misses: Rows  # scans since then
     share: Array  # in [0, 1], moving share of the evidence so far
     count: Array  # of points at the last observation
-    has_moved: Mask  # whether the share ever exceeded a half
 
 
 def association_cost(tracked: Boxes, detected: Boxes, settings: AssociationSettings) -> Array:
@@ -61,8 +51,7 @@ def motion_cost(objects: Objects, found: Detections, noise: FilterSettings, sett
 
     The paper's gates are in metres per scan: an object faster than 2 m per scan never gets a second observation, and
     one that shows another side changes its volume. Here the gate is the innovation covariance of the filter; size,
-    height, number of points and evidence choose among the detections within it. A visible mover may stop, and its
-    evidence becomes that of a static object over time. But a lost mover does not become one that has stayed there.
+    height, number of points and evidence choose among the detections within it.
     """
     cost = np.full((len(objects), len(found)), np.inf)
     deviation = np.sqrt(objects.covariance[:, [0, 1], [0, 1]].max(axis=1, initial=0.0))
@@ -80,13 +69,9 @@ def motion_cost(objects: Objects, found: Detections, noise: FilterSettings, sett
     # For an object of few points, a difference of a few points has no meaning.
     thinning = np.abs(np.log((objects.count[k] + 3.0) / (found.n_points[j] + 3.0)))
     settling = objects.share[k] - found.moving_share[j]
-    is_lost = objects.misses[k] > 1  # the current scan is included
-    is_contrary = np.minimum(objects.share[k], 1.0 - found.moving_share[j]) > OTHER_EVIDENCE
-    is_short = size[:, 0] < EVIDENCE_TIME * np.hypot(*mean[:, kalman.VELOCITY].T[:2])
-    is_other = is_lost & ((settling > OTHER_EVIDENCE) | is_contrary & is_short)
     is_possible = (squared < settings.gate**2) & (climb < MAX_CLIMB)
-    is_possible &= (thinning < np.log(MAX_COUNT_RATIO)) & ~is_other
-    price = squared + climb + SIZE_WEIGHT * growth + COUNT_WEIGHT * thinning + EVIDENCE_WEIGHT * np.abs(settling)
+    is_possible &= thinning < np.log(MAX_COUNT_RATIO)
+    price = squared + climb + SIZE_WEIGHT * growth + thinning + EVIDENCE_WEIGHT * np.abs(settling)
     cost[k, j] = np.where(is_possible, price, np.inf)
     return cost
 

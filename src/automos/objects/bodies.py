@@ -20,7 +20,9 @@ from scipy.spatial import cKDTree
 
 from automos.core.scan import Mask
 from automos.objects.association import assign
-from automos.objects.motion import ACCELERATION, NOISE
+from automos.objects.judge import looks
+from automos.objects.motion import ACCELERATION, NOISE, smooth_paths
+from automos.objects.tracker import until_last_seen
 from automos.objects.tracks import Tracks, observed
 
 Array = npt.NDArray[np.float64]
@@ -92,10 +94,47 @@ def _lies_within(tracks: Tracks, rows: Rows, bodies: Rows) -> Mask:
     return np.maximum(np.maximum(along, across), above) <= BESIDE
 
 
-def links_in_time(tracks: Tracks, is_moving: Mask, is_whole: Mask, times: Array) -> tuple[Rows, Rows]:
+def cut_where_two(tracks: Tracks, is_moving: Mask, evidence: Array, times: Array) -> Tracks:
+    """Return `tracks` as more tracks: moving ones are cut at gaps over which two bodies are likelier than one.
+
+    is_moving : (T,)
+    evidence : (R,) log-likelihood ratio of each row, moved against stayed; NaN where it was missed.
+    times : (N,) seconds of the scans.
+
+    Equation: link
+    """
+    seen, t = observed(tracks), times[tracks.scan[tracks.is_observed]]
+    first = np.flatnonzero((np.diff(seen.track, prepend=-1) > 0) | (np.diff(seen.scan, prepend=-2) > 1))
+    bounds = np.append(first, len(t))
+    position, velocity, _ = smooth_paths(bounds, t, seen.center)
+    seen = replace(seen, center=position, velocity=velocity)
+    goes_on = np.flatnonzero(seen.track[first[1:]] == seen.track[first[1:] - 1]) + 1
+    rows = first[goes_on]
+    score = _link_score(seen, rows - 1, rows, t[rows] - t[rows - 1])
+    about = evidence[tracks.is_observed]
+    score += _log_moved(about, t, bounds, bounds[1:] - 1)[goes_on - 1] + _log_moved(about, t, bounds, first)[goes_on]
+    is_cut = np.diff(tracks.track, prepend=-1) > 0
+    is_cut[np.flatnonzero(tracks.is_observed)[rows[(score <= 0.0) & is_moving[seen.track[rows]]]]] = True
+    return until_last_seen(replace(tracks, track=np.cumsum(is_cut) - 1))
+
+
+def _log_moved(evidence: Array, times: Array, first: Rows, at: Rows) -> Array:
+    """Return (S,) log-probabilities that each sight is of what moved, by its rows near the time of its row `at` (S,).
+
+    What stands and then leaves its place has moved in the seconds before, too, as scans after say.
+    """
+    seen = np.flatnonzero(np.isfinite(evidence))
+    sight = np.repeat(np.arange(len(at)), np.diff(first))[seen]
+    said = evidence[seen] * looks(np.searchsorted(seen, first), times[seen])
+    is_near = np.abs(times[seen] - times[at][sight]) <= LONGEST
+    return -np.logaddexp(0.0, -np.bincount(sight[is_near], said[is_near], len(at)))
+
+
+def links_in_time(tracks: Tracks, is_moving: Mask, is_whole: Mask, evidence: Array, times: Array) -> tuple[Rows, Rows]:
     """Return the tracks (K,) that go on, and those (K,) as which they do.
 
     is_moving, is_whole : (T,), tracks that move, and those that are no part of another; one of two linked tracks moves.
+    evidence : (R,) see `cut_where_two`.
     times : (N,) seconds of the scans.
 
     Equation: link
@@ -106,7 +145,10 @@ def links_in_time(tracks: Tracks, is_moving: Mask, is_whole: Mask, times: Array)
     a, b, rows = (np.concatenate(column) for column in zip(*pairs, strict=True))
     possible = (a != b) & (is_moving[a] | is_moving[b]) & is_whole[a] & is_whole[b]
     a, b, rows = a[possible], b[possible], rows[possible]
-    score = _link_score(tracks, rows, first[b], times[tracks.scan[first[b]]] - times[tracks.scan[rows]])
+    t = times[tracks.scan]
+    score = _link_score(tracks, rows, first[b], t[first[b]] - t[rows])
+    bounds = np.append(first, len(t))
+    score += _log_moved(evidence, t, bounds, last)[a] + _log_moved(evidence, t, bounds, first)[b]
     a, b, score = a[score > 0.0], b[score > 0.0], score[score > 0.0]
     ends, beginnings = np.unique(a), np.unique(b)
     cost = np.full((len(ends), len(beginnings)), np.inf)

@@ -5,8 +5,6 @@ criterion of Zhang, Xu, Dong and Dolan, "Efficient L-Shape Fitting for Vehicle D
 IV 2017): a LiDAR sees one or two faces of an object, and the principal axes of an L are not along its sides.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -5,14 +5,13 @@ stands. In that heading, the points of every scan span an interval along, across
 the body's life are its extent, and the face towards the sensor says where the body is at that moment.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.geometry import Array
 from automos.core.parallel import map_in_order
 from automos.core.scan import Frames
 from automos.core.workspace import Stage
@@ -21,7 +20,6 @@ from automos.objects.motion import smooth_paths
 from automos.objects.object_points import tracks_of_points
 from automos.objects.tracks import Tracks
 
-Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
 SURE = 3.0  # standard deviations of a velocity from which on its direction is the heading
 SIDE = 0.2  # metres, standard deviation of the end of a side about the other

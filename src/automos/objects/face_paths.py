@@ -15,7 +15,7 @@ def path_terms(first: npt.NDArray[np.int64], times: Array, faces: Array) -> tupl
     """Return (T,) each: scatter of centres, metres, and two logarithms: of unsteady heights, and of a track's way.
 
     The way from first to last counts in standard deviations of the centres about their smoothed path, as segments of
-    scenery slide and jump while they come into sight.
+    scenery slide and jump while they come into sight. Two sights show no scatter: some path goes through any two.
 
     first : (T + 1,) the first observation of each track.   times : (R,) seconds.   faces : (R, 4), see `SegmentTerms`.
 
@@ -29,4 +29,4 @@ def path_terms(first: npt.NDArray[np.int64], times: Array, faces: Array) -> tupl
     way, is_there = np.zeros(len(n)), n > 0
     way[is_there] = np.linalg.norm((path[first[1:][is_there] - 1] - path[begin[is_there]])[:, :2], axis=1)
     scatter = np.sqrt(squared[0] + squared[1]) + LEAST_SCATTER
-    return scatter, np.log1p(unsteady), np.log1p(way * np.sqrt(n) / scatter)
+    return scatter, np.log1p(unsteady), np.log1p(way * np.sqrt(np.maximum(n - 2.0, 0.0)) / scatter)

@@ -6,8 +6,6 @@ is the same with length and width swapped. So a measurement is converted to the 
 before the innovation is computed. The noise is AB3DMOT's (Weng et al., IROS 2020), in metres and seconds, not frames.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -15,13 +13,12 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.column_data import ColumnData
-from automos.core.geometry import wrap_angle
+from automos.core.geometry import Array, wrap_angle
 from automos.core.upright_boxes import Boxes
 from automos.settings import FilterSettings
 
-Array = npt.NDArray[np.float64]
-N_STATE, N_MEASURED = 10, 7
 YAW, SIZE, VELOCITY = 3, slice(4, 7), slice(7, 10)
+N_MEASURED, N_STATE = SIZE.stop, VELOCITY.stop
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,5 @@
 """III-C: the segments of a scan, their boxes, and the numbers of their points that have moved."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

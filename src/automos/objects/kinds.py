@@ -5,15 +5,12 @@ the kind as a Gaussian does, a smaller one only as an exponential does. Nothing 
 the extents that a body never showed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from enum import IntEnum
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from automos.core.geometry import Array
 
 
 class Kind(IntEnum):
@@ -33,7 +30,7 @@ def likeliest(probabilities: Mapping[str, float]) -> Kind:
 
 EXTENT = np.array([[4.5, 1.85, 1.6], [8.0, 2.6, 3.2], [1.8, 0.65, 1.5], [0.75, 0.7, 1.7]])
 """Metres, usual length, width and height of all kinds but the last, and `SPREAD`, their standard deviations."""
-SPREAD = np.array([[0.4, 0.25, 0.3], [2.5, 0.3, 0.5], [0.3, 0.25, 0.3], [0.25, 0.25, 0.2]])
+SPREAD = 0.25 * EXTENT
 FASTEST = np.array([60.0, 40.0, 25.0, 4.0])  # m/s
 HIDDEN = 4.0  # decrease of the log-likelihood by a whole length, width or height that a body did not show
 UNLIKE = -9.0  # log-likelihood of what is of no kind

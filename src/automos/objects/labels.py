@@ -7,8 +7,6 @@ on a segment decides (`objects/object_points.py`). Points of the ego body, and p
 are UNLABELED. All others are STATIC.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple

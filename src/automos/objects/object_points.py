@@ -5,11 +5,10 @@ from it. Beside a moving object there is a better reference: the plane of the gr
 it. If an object was missed in a scan, the points in its predicted box are assigned to it unless they have stayed.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.geometry import Array
 from automos.core.kernels import kernel
 from automos.core.scan import OBJECT, SPECK, Mask
 from automos.objects.detections import Detections
@@ -17,7 +16,6 @@ from automos.objects.tracks import Tracks
 from automos.settings import CompletionSettings
 
 Ids = npt.NDArray[np.int32]
-Array = npt.NDArray[np.float64]
 RINGS = 1.5, 4.0  # metres around an object's box in which points are the ground beside it: the wider where few are
 MIN_GROUND = 10  # least number of ground points beside an object for a plane
 ROUGHNESS, CLEARANCE = 3.0, (0.03, 0.1)

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from automos.core.scan import Mask
 from automos.core.upright_boxes import Boxes
+from automos.core.voxels import BITS
 
 Keys = npt.NDArray[np.int64]
 SIDE = 0.3
@@ -25,8 +26,7 @@ OUTNUMBERED = 2
 """A place is static if static points occupied it in more than this many times as many scans as moving points: the
 middle of a tram whose track has a gap "has stayed", too, until the tram has passed."""
 _COLUMN = 4 * SIDE  # metres, side of the columns in which places are counted: only those in a moving object's box
-_BITS = 21
-_FARTHEST = 1 << (_BITS - 1)
+_FARTHEST = 1 << (BITS - 1)
 _AT_ONCE = 1_000_000  # places that are collected before they are counted
 
 
@@ -99,7 +99,7 @@ def _keys(points: npt.NDArray, side: float) -> Keys:
 
 def _packed(x: Keys, y: Keys, z: Keys | int = 0) -> Keys:
     """Return (M,) int64 one non-negative key for the cells along all axes."""
-    return ((x + _FARTHEST) << 2 * _BITS) | ((y + _FARTHEST) << _BITS) | (z + _FARTHEST)
+    return ((x + _FARTHEST) << 2 * BITS) | ((y + _FARTHEST) << BITS) | (z + _FARTHEST)
 
 
 def _is_among(keys: Keys, wanted: Keys) -> Mask:

@@ -6,8 +6,6 @@ heights meet. Both gaps grow with the spacing of the rays. Union-find over a few
 Points deep under the ground are mirror images and are left out.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -5,12 +5,9 @@ in how long an object may be missed. In `default`, a scan's whole segments, the 
 and the segments that have stayed are alternative measurements. An object is associated with the most similar one,
 whatever the evidence on it at that moment. So a car that stops, waits and drives off is one track.
 
-While a mover is missed, its position soon becomes uncertain, but an object that has always stayed keeps its place.
-Out of sight it is remembered there for some seconds: it does not become another post some metres away, and a mover that
-is lost beside it does not continue as the post that comes into sight again.
+While an object is missed, its position soon becomes uncertain, and it may go on as another one. Tracks of movers are
+cut again where that is likely (`bodies.cut_where_two`).
 """
-
-from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -18,17 +15,15 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.geometry import Array
 from automos.objects import filter as kalman
 from automos.objects.association import Objects, assign, association_cost, motion_cost
 from automos.objects.detections import Detections
 from automos.objects.tracks import Tracks
 from automos.settings import TrackingSettings
 
-Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
 _MEMORY = 0.7  # weight of an object's earlier evidence when it is observed again
-STAYED = 0.1  # moving share up to which an object has stayed, if the share never exceeded a half
-REMEMBERED = 10.0  # seconds for which an object that has stayed is remembered at its place while it is out of sight
 LONGEST_STEP = 0.4
 """Seconds between scans from which on there is no tracking: a car of four metres at 10 m/s has left its place, so any
 car of the lane may be associated with it. The evidence on each scan decides instead (`object_points.find_moved`)."""
@@ -44,27 +39,21 @@ class Tracker:
         """Start without objects; the first new one gets the number `first_track`."""
         self.next_track = first_track
         self._settings, self._scan = settings, 0
-        self._alive = self._resting = _start(Detections.nothing(), settings)
+        self._alive = _start(Detections.nothing(), settings)
         self._last_stamp: float | None = None
 
     @property
     def numbers(self) -> Rows:
         """The numbers of all objects that may be observed again."""
-        return np.concatenate([self._alive.track, self._resting.track])
+        return self._alive.track
 
     def step(self, stamp: float, found: Detections) -> Tracks:
         """Return one row for every object after the next scan, at `stamp` seconds, with the segments `found`."""
         settings, dt = self._settings, 0.0 if self._last_stamp is None else stamp - self._last_stamp
-        alive, resting = self._alive, replace(self._resting, unseen=self._resting.unseen + dt)
-        alive = kalman.predict(alive, dt, settings.filter)
+        alive = kalman.predict(self._alive, dt, settings.filter)
         alive = replace(alive, unseen=alive.unseen + dt, misses=alive.misses + 1)
-        cost = _cost(alive, found, settings)
-        matched, detected = assign(cost)
-        recalled, known = _recognise(resting, found, alive.share, cost, (matched, detected), settings)
-        is_theirs = ~np.isin(detected, known)
-        matched = np.concatenate([matched[is_theirs], len(alive) + np.arange(len(recalled))])
-        detected = np.concatenate([detected[is_theirs], known])
-        alive = Objects.concatenate([alive, resting[recalled]])  # new arrays, which may be written to
+        alive = replace(alive, share=alive.share.copy(), count=alive.count.copy())  # they are written to
+        matched, detected = assign(_cost(alive, found, settings))
         _update(alive, found, matched, detected, settings)
         segment = np.full(len(alive), -1)
         segment[matched] = detected
@@ -73,10 +62,7 @@ class Tracker:
         started = _start(found[new], settings)
         started.track[:] = self.next_track + np.arange(len(new))
         self.next_track += len(new)
-        rests = (alive.misses > 0) & ~alive.has_moved & (alive.share <= STAYED) & (settings.method == "evidence")
-        still = np.setdiff1d(np.flatnonzero(resting.unseen <= REMEMBERED), recalled)
-        self._resting = Objects.concatenate([_at_rest(alive[rests], settings), resting[still]])
-        keep = ((alive.misses <= settings.max_misses) | (alive.unseen <= settings.max_gap)) & ~rests
+        keep = (alive.misses <= settings.max_misses) | (alive.unseen <= settings.max_gap)
         self._alive = alive = Objects.concatenate([alive[keep], started])
         scan, boxes = np.full(len(alive), self._scan), alive.boxes()
         self._scan, self._last_stamp = self._scan + 1, stamp
@@ -114,31 +100,7 @@ def _start(found: Detections, settings: TrackingSettings) -> Objects:
         variance[share > 0.5] = settings.gates.speed**2
     belief, zero = kalman.start(found.boxes, settings.filter, variance), np.zeros(n, np.int64)
     count = found.n_points.astype(np.float64)
-    return Objects(belief.mean, belief.covariance, zero, np.zeros(n), zero.copy(), share, count, share > 0.5)
-
-
-def _at_rest(rest: Objects, settings: TrackingSettings) -> Objects:
-    """Return objects that are out of sight at rest: at their last place, with the variance of a new box."""
-    boxes = rest.boxes()
-    boxes.center[:] -= rest.unseen[:, None] * rest.mean[:, kalman.VELOCITY]
-    belief = kalman.start(boxes, settings.filter, 0.0)
-    return replace(rest, mean=belief.mean, covariance=belief.covariance)
-
-
-def _recognise(
-    resting: Objects, found: Detections, share: Array, cost: Array, pairs: tuple[Rows, Rows], settings: TrackingSettings
-) -> tuple[Rows, Rows]:
-    """Return which of `resting` are observed again, and as which of `found`.
-
-    Only segments that have stayed can be. They must be free, or associated at a higher cost with an object that has
-    moved: `pairs` of objects, which have a moving `share` (K,), and segments, at `cost` (K, M).
-    """
-    rows, columns = pairs
-    limit = np.where(found.moving_share > 0.5, -np.inf, np.inf)
-    is_doubtful = share[rows] - found.moving_share[columns] > 0.5
-    limit[columns] = np.where(is_doubtful, cost[rows, columns], -np.inf)
-    price = _cost(resting, found, settings)
-    return assign(np.where(price < limit, price, np.inf))
+    return Objects(belief.mean, belief.covariance, zero, np.zeros(n), zero.copy(), share, count)
 
 
 def _cost(objects: Objects, found: Detections, settings: TrackingSettings) -> Array:
@@ -154,4 +116,3 @@ def _update(alive: Objects, found: Detections, matched: Rows, detected: Rows, se
     alive.unseen[matched], alive.misses[matched] = 0.0, 0
     alive.share[matched] = _MEMORY * alive.share[matched] + (1.0 - _MEMORY) * found.moving_share[detected]
     alive.count[matched] = found.n_points[detected]
-    alive.has_moved[matched] |= alive.share[matched] > 0.5

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.geometry import Array
 from automos.core.parallel import map_in_order
 from automos.core.scan import OBJECT, Mask
-from automos.objects.bodies import joined, links_in_time, parts_of_bodies
+from automos.objects.bodies import cut_where_two, joined, links_in_time, parts_of_bodies
 from automos.objects.detections import Detections
 from automos.objects.extents import Scans, whole_boxes
 from automos.objects.judge import is_scenery, judge_tracks, moving_now, segment_terms
@@ -21,9 +22,6 @@ from automos.objects.tracker import can_follow, track_objects
 from automos.objects.tracks import Tracks, observed, of_rows, of_tracks
 from automos.objects.verdict import Verdicts
 from automos.settings import Settings
-
-Array = npt.NDArray[np.float64]
-
 
 MIN_POINTS, MIN_TIME = 100, 1.0
 """Points and seconds of the shortest sight without a break of a body in any list: of what is less, neither extent nor
@@ -116,13 +114,17 @@ def is_small(
 
 def _bodies(scans: Scans, tracks: Tracks, detections: Sequence[Detections], workers: int) -> tuple[Tracks, Tracks]:
     """Return the rows of bodies, of the tracklets `tracks` that are one thing, and those of all their parts."""
-    stamps = scans.frames.stamps
-    is_moving = judge_tracks(tracks, [segment_terms(found) for found in detections], stamps).is_moving
+    stamps, terms = scans.frames.stamps, [segment_terms(found) for found in detections]
+    is_moving = judge_tracks(tracks, terms, stamps).is_moving
+    evidence = [of_scan.evidence for of_scan in terms]
+    tracks = cut_where_two(tracks, is_moving, of_rows(tracks, evidence), stamps)
+    is_moving = judge_tracks(tracks, terms, stamps).is_moving
     tracks = _with_whole_boxes(scans, tracks, observed(tracks), is_moving, detections, workers)
     n_points = np.nan_to_num(of_rows(tracks, [found.n_points for found in detections]))
     owner = parts_of_bodies(tracks, is_moving, np.bincount(tracks.track, n_points, len(tracks)))
     is_whole = np.bincount(tracks.track, owner == tracks.track, len(tracks)) > 0
-    return joined(tracks, owner, *links_in_time(tracks, is_moving, is_whole, stamps), n_points)
+    links = links_in_time(tracks, is_moving, is_whole, of_rows(tracks, evidence), stamps)
+    return joined(tracks, owner, *links, n_points)
 
 
 def _with_whole_boxes(

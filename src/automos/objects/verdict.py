@@ -1,7 +1,5 @@
 """The verdicts on tracks (moving, static or unknown) and their confidence."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import IntEnum
 

@@ -14,7 +14,7 @@ from automos.core.geometry import Array, inverse
 from automos.core.scan import Pose, Sequence
 from automos.odometry.motion import step_twists
 from automos.odometry.submap import NOISE, Fit, Submap, fit_surfels, make_submap
-from automos.odometry.surfels import scan_surfels
+from automos.odometry.surfels import Surfels, scan_surfels
 from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.window import Window, is_moved, small_motion
 from automos.settings import OdometrySettings
@@ -75,10 +75,11 @@ class _Fitted(NamedTuple):
     kernel: float
     T: Pose  # (4, 4) T_center_scan
     submap: Submap | None
+    surfels: Surfels | None
     fit: Fit
 
 
-_NO_FIT = _Fitted(0.0, np.eye(4), None, Fit(np.zeros((6, 6)), np.zeros(6), 0, 0, 0, 0.0))
+_NO_FIT = _Fitted(0.0, np.eye(4), None, None, Fit(np.zeros((6, 6)), np.zeros(6), 0, 0, 0, 0.0))
 
 
 class Links:
@@ -142,13 +143,14 @@ class Links:
 
         def fit(k: int) -> _Fitted:
             submap, known, (scan, center) = submaps[links[k][1]], made[k], links[k]
-            if known.kernel == kernel and known.submap is submap and not is_other[k]:
-                return known
             surfels = window.surfels[scan - window.first]
+            is_same = known.kernel == kernel and known.submap is submap and known.surfels is surfels
+            if is_same and not is_other[k]:
+                return known
             every = max(-(-len(surfels) // self.about.max_surfels), 1)  # a different subset for each link
             some, T = surfels[(scan + center) % every :: every], T_center_scan[k]
             found = fit_surfels(submap, some, T, kernel, self.about.noise, self._with_elevation)
-            return _Fitted(kernel, T, submap, found)
+            return _Fitted(kernel, T, submap, surfels, found)
 
         fitted = list(each(fit, range(len(links))))
         self._fits.update(zip(links, fitted, strict=True))

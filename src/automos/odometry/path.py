@@ -21,6 +21,7 @@ from automos.odometry.clock import USUAL_PERIOD
 from automos.odometry.elevation import raised_scan
 from automos.odometry.followed import Posed, TimedScan
 from automos.odometry.links import MIN_MATCHED, Alignment, Consistency, Links, share_close
+from automos.odometry.missing_scans import TRIED
 from automos.odometry.motion import MIN_POINTS, usable_points
 from automos.odometry.refine import DOUBTFUL, align, first_steps, refine_poses, registered, solve_links
 from automos.odometry.settling import elevation_in, settle
@@ -181,16 +182,16 @@ class Path:
     def _align_newest(self) -> float:
         """Align the newest scan from its predicted pose; the second one from many, one that does not fit from points.
 
+        Before one that does not fit, scans may be missing: then it was distorted by less than this step.
         Return the share of its surfels that lie on a surface then.
         """
-        window, n = self._recent(), len(self.window) + self.window.first
-        found, share = self._aligned_from(window, window.T_world_sensor[-1])
-        is_second = n == 2 and not self._is_start_known
+        window, gap = self._recent(), self.window.gaps[-1]
+        found, share = self._aligned_from(window, window.T_world_sensor[-1], gap)
+        is_second = len(self.window) + self.window.first == 2 and not self._is_start_known
         if is_second or share < DOUBTFUL * self._share:
-            starts = first_steps(window) if is_second else [registered(window)]
-            other, share_there = max((self._aligned_from(window, start) for start in starts), key=lambda one: one[1])
-            if share_there > share:
-                found, share = other, share_there
+            starts, gaps = (first_steps(window), [gap]) if is_second else ([registered(window)], gap - 1.0 + TRIED)
+            others = [self._aligned_from(window, start, gap) for start in starts for gap in gaps]
+            found, share = max([(found, share), *others], key=lambda one: one[1])
         self._take(found)
         self._share = max(share, 0.9 * self._share)
         return share
@@ -207,13 +208,15 @@ class Path:
             surfels=[*w.surfels[:k], *part.surfels],
             twists=np.vstack([w.twists[:k], part.twists]),
             T_world_sensor=np.concatenate([w.T_world_sensor[:k], part.T_world_sensor]),
+            gaps=np.concatenate([w.gaps[:k], part.gaps]),
         )
 
-    def _aligned_from(self, window: Window, guess: Pose) -> tuple[Window, float]:
+    def _aligned_from(self, window: Window, guess: Pose, gap: float) -> tuple[Window, float]:
         """Return the window with the newest scan aligned with the submaps before it, and its share of close surfels."""
         T = window.T_world_sensor.copy()
         T[-1] = guess
-        window, n, links = window.moved(T), len(T), self._links
+        window = replace(window, gaps=np.append(window.gaps[:-1], gap)).moved(T)
+        n, links = len(T), self._links
         chosen = links.choose(window, [window.first + n - 1])
         for kernel in links.about.kernels:
             fits = links.fit(window, chosen, kernel)
@@ -232,10 +235,10 @@ class Path:
 
     def _settle(self) -> None:
         """Refine the window with all that is found in it."""
-        n_known, given = max(self._n_final, 1), self.window.gaps
+        n_known = max(self._n_final, 1)
         found = settle(self.window, n_known, self._links, self._settings, self._pool, self._has_stamps)
         window, consistency = found.window, found.consistency
-        if not self._has_stamps and (window.gaps != given).any():
+        if not self._has_stamps:
             self.missing |= {s: gap for s, gap in zip(self.stamps[1:], window.gaps.tolist(), strict=True) if gap != 1.0}
         if self._is_one and not self.elevation and (angle := elevation_in(window, self._pool)):
             self.elevation, self._links = angle, Links(self._links.about, self._pool)

@@ -25,7 +25,7 @@ from automos.settings import OdometrySettings
 INFORMATION = 0.05
 """Share of a surfel's weight that counts, since errors of neighbouring surfels are correlated."""
 LOOSE = 1e-3  # prior information on every pose, which keeps scans without links in place
-DOUBTFUL = 0.5  # of the share of surfels on surfaces elsewhere, from which on poses fit
+DOUBTFUL = 0.7  # of the share of surfels on surfaces elsewhere, from which on poses fit
 SPEED_ROUNDS = 5  # searches for the speed, at most, each from the poses of the previous one
 FIRST_STEPS = np.concatenate([s * np.vstack([np.eye(6)[:2], -np.eye(6)[:2]]) for s in (0.4, 0.8, 1.2, 1.8, 2.5)])
 """Metres along the sensor's axes."""

@@ -1,7 +1,5 @@
 """Free-space evidence between the scans of the last seconds."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace

@@ -5,8 +5,6 @@ the evidence available so far, because the next scan may add to it. Of scans who
 remain that a track moves and has moved; so what has moved is called moving, however long it waits.
 """
 
-from __future__ import annotations
-
 import copy
 from collections import deque
 from dataclasses import dataclass, replace
@@ -19,18 +17,13 @@ from automos.objects.detections import Detections
 from automos.objects.judge import Past, SegmentTerms, is_scenery, judge_tracks, moving_now, past_of, segment_terms
 from automos.objects.motion import smooth_paths
 from automos.objects.tracker import Tracker, can_follow, until_last_seen
-from automos.objects.tracking import is_small
+from automos.objects.tracking import MIN_POINTS, MIN_TIME, SCRAP, is_small
 from automos.objects.tracks import Tracks, observed, of_rows
 from automos.objects.verdict import Verdict, Verdicts
 from automos.settings import TrackingSettings
 
 MEMORY = 8.0
 """Seconds of a track that are kept scan by scan; as many as the lag if that is longer."""
-SURE = 0.9
-"""Probability from which on what is too small or young to be a body moves: its pose and evidence may soon change. At
-the start everything is young, and nothing can be said of what was there before."""
-FEW_POINTS, YOUNG = 50, 0.5
-"""Points, and seconds in sight, from which on it is a body."""
 FEW = 3
 """Scans that make a sight of something: fewer may be one error."""
 RECENT = 1.0
@@ -131,8 +124,10 @@ class Following:
     ) -> Verdicts:
         """Return the verdicts on the tracks, moving for those that have moved in their life or in the last second."""
         of_life = judge_tracks(tracks, terms, stamps, past)
-        is_young = is_small(observed(tracks), len(tracks), [step.found for step in steps], stamps, FEW_POINTS, YOUNG)
-        is_unsure = is_young & (of_life.confidence < SURE)
+        # What has half the points or the time of a body may be one, seen so far; its pose and evidence may soon change.
+        # At the start everything is young, and nothing can be said of what was there before.
+        detections, halves = [step.found for step in steps], (0.5 * MIN_POINTS, 0.5 * MIN_TIME)
+        is_unsure = is_small(observed(tracks), len(tracks), detections, stamps, *halves) & (of_life.confidence < SCRAP)
         is_new = tracks.scan[tracks.first_rows()] > 0
         of_life = _not_moving(of_life, of_life.is_moving & is_unsure & is_new)
         late = is_recent[tracks.scan]

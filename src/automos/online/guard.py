@@ -1,7 +1,5 @@
 """Keeps a stream whole: one caller at a time, and no silence after a step that was left in the middle."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -5,8 +5,6 @@ stop a robot: unusable scans are skipped, and after an interruption a new stream
 no interruption: a pause is believed once a second scan confirms it. A clock that stands still is replaced by counting.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import dataclass
 from enum import Enum, auto
@@ -14,14 +12,12 @@ from enum import Enum, auto
 import numpy as np
 
 from automos.core.scan import LATEST, Points, Scan
-from automos.odometry.clock import USUAL_PERIOD
+from automos.odometry.clock import SHORTEST_PERIOD, USUAL_PERIOD
 
 LONGEST_GAP = 0.8
 """Seconds without scans after which tracking stops, and the sensor may have been replaced."""
 USUAL_GAPS = 3.0
 """Usual periods that such a gap must also exceed: some sensors take one scan per second."""
-LEAST_STEP = 1e-3
-"""Seconds: no sensor has a shorter period, so a scan stamped less than this later counts as not later."""
 MOST_LATE = 5
 """Consecutive late scans after which the clock is assumed to have been set back."""
 
@@ -81,7 +77,7 @@ class Intake:
         """Return the time of the scan, and whether its clock stands still."""
         own, before = scan.stamp, self._own
         self._own = own
-        is_stopped = own is not None and before is not None and abs(own - before) < LEAST_STEP
+        is_stopped = own is not None and before is not None and abs(own - before) < SHORTEST_PERIOD
         if own is not None and abs(own) < LATEST and not is_stopped:
             return float(own), False
         period = float(np.median(self._steps)) if self._steps else self._period
@@ -96,7 +92,7 @@ class Intake:
             return Kind.REPEAT, "it repeats the previous scan; it gets the same labels"
         if scan.n_sensors != self._n_lidars:
             return Kind.RESTART, f"it has {scan.n_sensors} LiDARs, after {self._n_lidars}; a new stream starts"
-        if stamp < self._stamp + LEAST_STEP:
+        if stamp < self._stamp + SHORTEST_PERIOD:
             self._n_late += 1
             if self._n_late < MOST_LATE:
                 return (
@@ -110,7 +106,7 @@ class Intake:
         self._ahead = stamp if gap > longest else None
         if self._ahead is None:
             return Kind.NEXT, ""
-        if ahead is not None and LEAST_STEP <= stamp - ahead <= longest:
+        if ahead is not None and SHORTEST_PERIOD <= stamp - ahead <= longest:
             self._ahead = None
             return Kind.RESTART, f"no scans for {ahead - self._stamp:.1f} s; a new stream starts"
         return (

@@ -5,8 +5,6 @@ determined in the background from scans some distance apart, again whenever the 
 whole range was observed from elsewhere.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

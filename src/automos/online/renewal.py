@@ -1,7 +1,5 @@
 """Recomputes the observations of earlier scans, a few at a time, while a corrected path catches up."""
 
-from __future__ import annotations
-
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Returns labelled scans in the order of their arrival, including unusable ones."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import replace

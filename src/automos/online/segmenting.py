@@ -5,8 +5,6 @@ surroundings, the evidence is computed again. Without a lag, only the first pass
 the next scan can be segmented while the objects of the last one are tracked.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace

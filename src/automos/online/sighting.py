@@ -1,7 +1,5 @@
 """The pose and the observations of each scan: everything that needs no comparison with other scans."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The stages of the method on a stream of scans: the same functions as for a recording, on a sliding window."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace

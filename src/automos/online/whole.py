@@ -1,7 +1,5 @@
 """A recording that arrives scan by scan and is labelled at its end, as `automos.label` does."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

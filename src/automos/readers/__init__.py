@@ -5,8 +5,6 @@ A format module declares its :class:`~automos.readers.formats.Format` as `FORMAT
 recording inside a file or a set of tables has a path as if it were in a folder: `log.mcap/front/points`.
 """
 
-from __future__ import annotations
-
 import difflib
 import importlib
 from collections.abc import Iterable

@@ -3,8 +3,6 @@
 Its labelled version is in KITTI's layout and read as that.
 """
 
-from __future__ import annotations
-
 from functools import cached_property
 from pathlib import Path
 

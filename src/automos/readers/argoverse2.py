@@ -4,8 +4,6 @@ The files hold the points of both 32-beam sensors in the vehicle's frame, at one
 frame of the upper sensor. The laser number says which of the two measured a point, and so where its ray starts.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path

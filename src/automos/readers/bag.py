@@ -4,8 +4,6 @@ What the files hold says what belongs together: `drive_0.bag+` is that file and 
 ends, with the same topics.
 """
 
-from __future__ import annotations
-
 import importlib
 from pathlib import Path
 

@@ -4,8 +4,6 @@ A file is walked from record to record, past the points: no index at its end is 
 killed left behind is read, too, and a chunk that an index lists twice is there once.
 """
 
-from __future__ import annotations
-
 import importlib
 from collections import defaultdict
 from pathlib import Path

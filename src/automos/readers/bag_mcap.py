@@ -1,7 +1,5 @@
 """MCAP files of any profile, walked from record to record: with or without index and summary, or cut at their end."""
 
-from __future__ import annotations
-
 import struct
 from io import BytesIO
 from pathlib import Path

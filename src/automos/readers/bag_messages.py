@@ -4,8 +4,6 @@ The definitions of these types are known and have not changed, so those that a b
 recorders leave them empty, or write a name in their place.
 """
 
-from __future__ import annotations
-
 import re
 import zlib
 from functools import cache

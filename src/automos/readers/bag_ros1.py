@@ -1,7 +1,5 @@
 """Bags of ROS 1 (version 2.0), walked from record to record: whole ones, and those a recorder left without an index."""
 
-from __future__ import annotations
-
 import struct
 from io import BytesIO
 from pathlib import Path

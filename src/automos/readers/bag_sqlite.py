@@ -1,7 +1,5 @@
 """SQLite files of ROS 2's recorder (.db3), read by Python's own library."""
 
-from __future__ import annotations
-
 import sqlite3
 from collections.abc import Callable
 from contextlib import closing

@@ -1,7 +1,5 @@
 """Which topic of a bag holds the points of its LiDAR: the one that is named, else the only one of the best kind."""
 
-from __future__ import annotations
-
 import re
 
 from automos.core.errors import InputError

@@ -1,7 +1,5 @@
 """Where things are, as a bag tells it: `/tf`, `/tf_static`, and the topics of odometry and of poses."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager

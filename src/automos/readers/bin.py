@@ -1,7 +1,5 @@
 """Records without a header: KITTI's x, y, z, intensity in float32, its wider and narrower relatives, and structs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from automos.readers.columns import Columns

@@ -1,7 +1,5 @@
 """Boxes beside the scans, boxes/NAME.json, as `automos simulate` writes them: every object, in the level frame."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

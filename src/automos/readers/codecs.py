@@ -1,7 +1,5 @@
 """Point files by kind: which suffix is read by which module, one call for all of them."""
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Callable
 from pathlib import Path

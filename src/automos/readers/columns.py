@@ -4,8 +4,6 @@ Drivers agree on x, y, z and on little else. Names are compared without case; a 
 or not what its name says (a ring that is not a whole number) becomes None rather than a guess.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path

@@ -3,8 +3,6 @@
 Its library is not made for damaged files, and ends the process on some: another one reads them.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The scan files of a folder in time order, and the times that their names may hold."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re

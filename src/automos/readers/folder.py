@@ -1,7 +1,5 @@
 """A plain folder of point files, with optional times.txt, poses.txt, calib.txt, mounts.yaml and labels/ beside them."""
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import logging

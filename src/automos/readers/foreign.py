@@ -6,8 +6,6 @@ process can stop it but its end: under the command line, and in workers that it 
 code 2; in a program of somebody else the exception waits until the library comes back.
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 import sys

@@ -1,7 +1,5 @@
 """What a reader declares of itself, how it finds recordings and gets the optional package it may need."""
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ Its few fields are taken apart here as they are on the wire, by the numbers that
 none need come with the file. Points are in the sensor's frame: where that sits (`pose`) is told beside them.
 """
 
-from __future__ import annotations
-
 import base64
 import struct
 from collections.abc import Iterator

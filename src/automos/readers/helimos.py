@@ -1,7 +1,5 @@
 """HeLiMOS: KITTI's layout for each of four sensors, labels for some of the scans: those in train, val and test.txt."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -4,8 +4,6 @@ Poses are the left camera's in KITTI's own files; calib.txt carries them over to
 taken as the sensor's. Many other recordings are published in this layout, so nothing is assumed of the sensor.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from automos.readers.files import natural_key

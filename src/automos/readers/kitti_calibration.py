@@ -3,8 +3,6 @@
 Boxes were drawn only where the left colour camera sees; elsewhere nobody knows what moved.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

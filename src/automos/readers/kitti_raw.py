@@ -4,8 +4,6 @@ KITTI-360 and VBR's converter lay scans out alike, with poses of their own. Swee
 motion-compensated. The day's calibration lies beside its drives.
 """
 
-from __future__ import annotations
-
 from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path

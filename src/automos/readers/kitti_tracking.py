@@ -1,7 +1,5 @@
 """KITTI's tracking benchmark: training/velodyne/SSSS/*.bin, label_02/SSSS.txt, calib/SSSS.txt, oxts/SSSS.txt."""
 
-from __future__ import annotations
-
 from functools import cached_property
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 What unpacks LAZ (lazrs) calls itself without end on some damaged files, which no process survives: another one does it.
 """
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What a LAS file's header promises, compared with the file before a library takes memory or time for it."""
 
-from __future__ import annotations
-
 import os
 import struct
 from pathlib import Path

@@ -4,8 +4,6 @@ A type may follow a name, as NumPy writes it: `x:f8`, `ring:u2`, `t:>u4`. Column
 f4 itself unless it is said. What is called `_` is left out: `_:u1` is one byte, `_:V12` are twelve.
 """
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

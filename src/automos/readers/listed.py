@@ -1,7 +1,5 @@
 """Sequences whose format fixes the kind of its files: one file per scan, listed once, read when asked for."""
 
-from __future__ import annotations
-
 import hashlib
 from collections import Counter
 from collections.abc import Iterable, Sequence

@@ -4,8 +4,6 @@ Drivers for ROS 1 and ROS 2 give it the same fields under different package name
 the wire: decoding a hundred thousand points as messages of their own takes seconds a scan.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from automos.core.errors import InputError

@@ -5,8 +5,6 @@ written: its upper three bits are the length less two (seven: one more byte adds
 byte the distance back less one.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

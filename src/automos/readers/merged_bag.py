@@ -4,8 +4,6 @@ Topics are joined by a plus sign: `log.mcap/front/points+rear/points`. The first
 frame; of the others, the message nearest in time is taken, if one is nearer than half the time between scans.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from pathlib import Path
 from typing import Any

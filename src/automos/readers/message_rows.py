@@ -4,8 +4,6 @@ Decoding and encoding a message needs its definition and may change what no fiel
 here only the rows are cut, and the numbers that count them.
 """
 
-from __future__ import annotations
-
 import struct
 
 import numpy as np

@@ -8,8 +8,6 @@
     - {name: left, rings: [80, 95], T_scan_sensor: [[...], [...], [...], [0, 0, 0, 1]]}
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path

@@ -1,7 +1,5 @@
 """NumPy files: an (N, 3 or more) array, its transpose, an image, or a structured one with named columns; or several."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

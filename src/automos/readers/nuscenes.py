@@ -5,8 +5,6 @@ of its own: `scene-0061/LIDAR_LEFT`. Boxes are drawn twice a second, so two
 scans a second have truth. The tables are read directly; of the large ones only what belongs to the scene is kept.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from functools import lru_cache
 from pathlib import Path

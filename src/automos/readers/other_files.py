@@ -1,7 +1,5 @@
 """Files that no reader takes, known by their first bytes or their names: what they are, and what to do with them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path

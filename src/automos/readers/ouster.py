@@ -5,8 +5,6 @@ included; the second returns of a sensor that gives two follow the first. Of sev
 number, as if the file were a folder: `drive.pcap/122150000150`.
 """
 
-from __future__ import annotations
-
 import threading
 from functools import cached_property
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Parquet tables: whole columns of small ones, and single rows of those whose columns are images."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Point Cloud Library files: a text header, then ascii, binary or binary_compressed points of any fields."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ Only the element `vertex` is read. What comes before it has a fixed size. What f
 but must end where the file does: else bytes were lost or came in, and all points behind them are others.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Rows may be padded, fields may lie anywhere in a point and in either byte order.
 points without a return (zero or NaN) included.
 """
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Mapping
 from itertools import pairwise

@@ -4,8 +4,6 @@ Drivers write seconds, milli-, micro- or nanoseconds, after the scan's first poi
 switched on. Times that cannot be are not used, and that is said once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass

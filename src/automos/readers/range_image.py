@@ -1,7 +1,5 @@
 """Range images of a LiDAR that turns on a moving vehicle, made into points (Waymo's, with a pose for every pixel)."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

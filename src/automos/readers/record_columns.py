@@ -4,8 +4,6 @@ Coordinates come first, or behind one or two others. Rings are whole numbers tha
 from point to point or with the direction, and the first of the other numbers that is not negative is the intensity.
 """
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

@@ -6,8 +6,6 @@ of its own. What a multiple of it saves is little: the smallest size that explai
 that divide the files count, and only those under which coordinates are numbers that coordinates can be.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from pathlib import Path
 

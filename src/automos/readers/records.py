@@ -1,7 +1,5 @@
 """Packed records of mixed types without header, as recorders write their own structs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -3,8 +3,6 @@
 A topic is named as if the bag were a folder: `log.mcap/front/points`; several are joined by a plus sign.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from automos.core.scan import Sequence

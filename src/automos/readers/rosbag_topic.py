@@ -1,7 +1,5 @@
 """ROS 1 bags, ROS 2 bags and MCAP files: the point clouds of one topic, the only one or the one that is named."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache, cached_property

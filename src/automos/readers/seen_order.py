@@ -6,8 +6,6 @@ join scans that are clearly more alike than those that only the files' order has
 these steps decides, so that opening a long recording costs no more than opening a short one.
 """
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path

@@ -4,8 +4,6 @@ It says what things are, not whether they move: what cannot move is static; peop
 truth.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

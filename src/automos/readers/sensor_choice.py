@@ -1,7 +1,5 @@
 """The scans of one sensor of those in a file, named as if the file were a folder: `drive.pcap/SENSOR`."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -6,18 +6,15 @@ do not, and would go together from another place, that is where the sensor was, 
 of a map, or of where the drive began. Points on a grid, of one distance everywhere, show nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.core.arrays import evenly_spread
 from automos.core.errors import InputError
-from automos.core.geometry import inverse, transform
+from automos.core.geometry import Array, inverse, transform
 from automos.core.scan import MIN_RANGE, Pose
 
 _LOOKS = 3
@@ -35,7 +32,7 @@ _EDGE, _OUTSIDE = 1.2, 3.0
 _ELEVATION = 0.1
 """Degrees between elevations that are told apart."""
 
-RawPoints = Callable[[int], npt.NDArray[np.float64]]
+RawPoints = Callable[[int], Array]
 """Returns the (N, 3) coordinates of a scan as its file has them."""
 
 
@@ -47,7 +44,7 @@ def frame_said(T_frame_sensor: Pose | None) -> str:
 class Spacing:
     """Some points of a cloud, and how far apart the points are there."""
 
-    def __init__(self, cloud: npt.NDArray[np.float64]):
+    def __init__(self, cloud: Array):
         """Take (N, 3) coordinates; those that are no point, zero or not finite, are left out."""
         from scipy.spatial import KDTree
         from scipy.stats import rankdata
@@ -60,13 +57,13 @@ class Spacing:
         self.points, self.rank = asked[apart > 0.0], rankdata(apart[apart > 0.0])
         self.is_enough = 2 * len(self.points) >= _ASKED
 
-    def fit(self, place: npt.NDArray[np.float64]) -> float:
+    def fit(self, place: Array) -> float:
         """Return the correlation of the points' spacing with their distance from `place` (3,), by ranks."""
         from scipy.stats import rankdata
 
         return float(np.corrcoef(rankdata(np.linalg.norm(self.points - place, axis=1)), self.rank)[0, 1])
 
-    def find(self) -> npt.NDArray[np.float64]:
+    def find(self) -> Array:
         """Return (3,) the place among the points from which the correlation is best."""
         from scipy.optimize import minimize
 
@@ -78,7 +75,7 @@ class Spacing:
             places.append(minimize(lambda place: -self.fit(place), start, method="Nelder-Mead", options=options).x)
         return max((one for one in places if self.beyond(one) < _EDGE), key=self.fit)
 
-    def beyond(self, place: npt.NDArray[np.float64]) -> float:
+    def beyond(self, place: Array) -> float:
         """Return how far `place` (3,) is, horizontally, from the middle of the points, 1 being where they end."""
         low, high = self.points[:, :2].min(axis=0), self.points[:, :2].max(axis=0)
         return float(np.max(np.abs(place[:2] - 0.5 * (low + high))) / np.max(0.5 * (high - low)))
@@ -127,7 +124,7 @@ def find_frame(raw_points: RawPoints, n: int, claims: Sequence[Pose], is_trusted
 def _has_sharper_beams(spacings: dict[int, Spacing], T_file_sensor: Pose) -> bool:
     """Return whether points lie at fewer elevations, as beams have them, seen from the origin than from the poses."""
 
-    def entropy(points: npt.NDArray[np.float64]) -> float:
+    def entropy(points: Array) -> float:
         x, y, z = points.T
         count = np.bincount(((np.degrees(np.arctan2(z, np.hypot(x, y))) + 90.0) / _ELEVATION).astype(np.int64))
         share = count[count > 0] / len(points)
@@ -138,7 +135,7 @@ def _has_sharper_beams(spacings: dict[int, Spacing], T_file_sensor: Pose) -> boo
     )
 
 
-def _require_sensor(spacing: Spacing, place: npt.NDArray[np.float64], where: Path) -> None:
+def _require_sensor(spacing: Spacing, place: Array, where: Path) -> None:
     """Raise where the sensor was clearly elsewhere than at `place` (3,)."""
     fit = spacing.fit(place) if spacing.beyond(place) < _OUTSIDE else 0.0
     if fit > 1.0 - _GAP:

@@ -5,17 +5,14 @@ HeLiPR's sensors are recordings of their own, and every point has its time. MulR
 column, so that a point's place gives its beam and time; a few files are incomplete, and those have neither.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
-from automos.core.geometry import make_transform
+from automos.core.geometry import Array, make_transform
 from automos.core.reading import is_there
 from automos.core.scan import Pose, Scan
 from automos.readers.columns import Columns, to_scan
@@ -36,7 +33,7 @@ _LAST_WITHOUT_INTENSITY = 1691936557946849179
 """Nanoseconds: up to this scan the Aeva was recorded without intensity."""
 _BEAMS, _COLUMNS, _PERIOD = 64, 1024, 0.1
 
-Stamps = npt.NDArray[np.float64]
+Stamps = Array
 
 
 @dataclass(frozen=True)

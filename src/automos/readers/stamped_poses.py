@@ -1,7 +1,5 @@
 """Poses that came with a recording, given on a clock of their own or as quaternions."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

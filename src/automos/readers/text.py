@@ -1,7 +1,5 @@
 """Tables of numbers in text, by NumPy's own parser: a scan as text has a million numbers."""
 
-from __future__ import annotations
-
 import re
 from io import BytesIO
 from itertools import islice

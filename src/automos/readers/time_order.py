@@ -4,8 +4,6 @@ Copies are renumbered (0, 1, 10, 11, ..., 2), clocks repeat and jump. Files that
 put in order. A clock that jumps back and goes on evenly from there was set, and its order is not that of the scans.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

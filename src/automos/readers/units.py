@@ -5,8 +5,6 @@ begin near the origin are not metres; the unit under which they are those of a L
 Coordinates of a map are in metres: they are far away from its origin, all of them, or as dense there as anywhere.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -6,8 +6,6 @@ with each pixel, as Waymo does. It is in the vehicle's axes, but its origin is t
 The tables are read directly: Waymo's own library comes with its own TensorFlow.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Sequence as Sequence_
 from functools import cached_property

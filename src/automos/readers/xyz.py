@@ -5,8 +5,6 @@ numbers that names x, y and z names the columns; else the first line that is non
 something else divides them.
 """
 
-from __future__ import annotations
-
 import csv
 import re
 from codecs import BOM_UTF8

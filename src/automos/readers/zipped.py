@@ -1,7 +1,5 @@
 """Archives (.zip): of a recording, which is unpacked into a temporary folder, or of a scan each."""
 
-from __future__ import annotations
-
 import shutil
 import tempfile
 import zipfile

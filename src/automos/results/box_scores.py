@@ -1,7 +1,5 @@
 """Boxes of a results folder against those that came with the recording."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

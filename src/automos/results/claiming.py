@@ -1,7 +1,5 @@
 """Checks whether results may be written to a folder of ours: whose they are, and whether another process is writing."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager

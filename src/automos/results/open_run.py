@@ -1,7 +1,5 @@
 """Open a results folder together with its recording, whose path is stored in run.json."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The files with one value per point: labels, objects and confidences, written and read."""
 
-from __future__ import annotations
-
 from functools import cached_property
 from pathlib import Path
 

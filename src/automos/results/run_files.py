@@ -4,8 +4,6 @@ Boxes of annotation tools are upright, but a sensor may be mounted at a tilt. Bo
 *upright* frame: the sensor frame without roll and pitch. Its origin and heading are the sensor's, and z points up.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable, Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """All warnings in run.json as sentences: for the terminal, the ledger of many recordings, the viewer and the review."""
 
-from __future__ import annotations
-
 from typing import Any
 
 SHOWN = 4

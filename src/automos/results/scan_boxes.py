@@ -1,7 +1,5 @@
 """The objects of one scan: boxes, verdicts and velocities, as columns or one by one."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -3,8 +3,6 @@
 The file is checked like any other input when it is read: anything that does not match the schema is an error.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Iterator
 from pathlib import Path

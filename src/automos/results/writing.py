@@ -9,8 +9,6 @@ run.json              versions, fingerprints, counts, timings, warnings
 stages/               the results of each stage; deleting them costs only time
 """
 
-from __future__ import annotations
-
 import json
 import logging
 import math

@@ -1,7 +1,5 @@
 """The requests of the page, by path: methods of the session, with checked arguments."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from typing import Any

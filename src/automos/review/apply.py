@@ -6,8 +6,6 @@ object. The inputs are always the results of the stages, never an earlier correc
 after a crash, gives the same files.
 """
 
-from __future__ import annotations
-
 import json
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator

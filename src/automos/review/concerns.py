@@ -5,8 +5,6 @@ was not there before the object arrived, the evidence may have lost it: a vehicl
 for long.
 """
 
-from __future__ import annotations
-
 import json
 from functools import lru_cache
 from typing import Any

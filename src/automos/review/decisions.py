@@ -1,7 +1,5 @@
 """Decisions of a person on the tracks of a run, as lines of the log."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path

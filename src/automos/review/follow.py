@@ -5,8 +5,6 @@ be fast. Here a person has said that the object moves, so the evidence is ignore
 fast, and the continuation is chosen by motion, size and number of points alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 

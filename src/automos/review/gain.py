@@ -1,7 +1,5 @@
 """What a review is worth where there is truth: IoU of the labels as they were found, and as they are now."""
 
-from __future__ import annotations
-
 import threading
 from typing import Any
 

@@ -5,8 +5,6 @@ whatever its settings, poses or track numbers. The field `kind` distinguishes li
 objects made by a person are "amendment", answers on a random sample are "answer".
 """
 
-from __future__ import annotations
-
 import errno
 import json
 import logging

@@ -1,7 +1,5 @@
 """A random sample while a person answers it: what the page shows of each look, and the answers it sends."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Finds the tracks of a run that a decision is about: those that share most points with it."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import replace

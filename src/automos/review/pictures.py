@@ -1,7 +1,5 @@
 """Pictures of all tracks for the list, made in the background in one pass over the scans."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterable
 from typing import Any

@@ -1,7 +1,5 @@
 """The view of one scan: the surroundings of the sensor from above, and its moving objects."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@ Every user of a machine sees the arguments of its processes, and a browser's are
 file that only the reviewer may read, and the token at the end of the address stands in there.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager

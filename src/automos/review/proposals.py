@@ -5,8 +5,6 @@ segment that holds the point. Points that already belong to a moving object stay
 object enters a moving one, it ends.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The list of objects and places to decide on, ordered by the number of labels that a decision may correct."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from typing import Any
 

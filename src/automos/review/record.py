@@ -1,7 +1,5 @@
 """All decisions and objects of a review; each is logged at once, completely, and one at a time."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager

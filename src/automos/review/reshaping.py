@@ -1,7 +1,5 @@
 """Cutting, splitting and joining of objects; the results are objects made by a person that replace the old ones."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 

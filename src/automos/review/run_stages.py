@@ -1,7 +1,5 @@
 """The stage results of a run, read back to label scans again after a decision."""
 
-from __future__ import annotations
-
 from functools import cached_property, lru_cache
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A random sample of a run's labels for a person to judge, stored in sample.json; answers are lines of the log."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The view of one object: the points around it at several moments, in a fixed frame."""
 
-from __future__ import annotations
-
 import base64
 from typing import Any
 

@@ -7,8 +7,6 @@ programs and users of this machine do not know the token at the end of the print
 cookie.
 """
 
-from __future__ import annotations
-
 import hmac
 import io
 import json

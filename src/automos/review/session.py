@@ -1,7 +1,5 @@
 """A running review: what the page shows, the decisions, and the objects made by a person."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Iterable
 from dataclasses import replace

@@ -4,8 +4,6 @@ The doubtful points of a track are the expected number of wrong labels: its poin
 verdict is wrong. Sorted by this number, the queue starts where a minute corrects most, and shows when to stop.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Anything that can be shown in a scene: boxes in some scans, and points."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The background thread that writes decisions into the results."""
 
-from __future__ import annotations
-
 import logging
 import threading
 from collections.abc import Callable, Iterable

@@ -1,7 +1,5 @@
 """III-B: which points may be dynamic: the ground, the ego body, free-space evidence, and a network's cue."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from pydantic import Field

@@ -1,10 +1,8 @@
-"""Settings that had another name in earlier versions, or that are now constants.
+"""Settings that had another name in earlier versions, or that are none any more.
 
 Results store all their settings, so files of earlier versions must remain readable: renamed settings get their new
-name, and removed ones are left out with a warning.
+name, and of files that hold all settings, as results do, those that are gone are left out with a warning.
 """
-
-from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
@@ -24,49 +22,6 @@ RENAMED = {
 }
 """The present name of each."""
 
-CONSTANTS = {
-    "odometry": """
-        min_points max_iterations convergence initial_threshold known_threshold min_motion start_scans start_convergence
-        start_clear_step start_steps start_fold_scans start_voxel start_iterations start_gain max_acceleration leap_time
-        ground_scans ground_range ground_voxel ground_trials ground_distance ground_share threads voxel points_per_voxel
-        refine
-        """,
-    "odometry.refinement": """
-        surfel voxel near max_range min_points submap_every submap_length lags max_distance kernels converged noise
-        close max_surfels min_matched information window overlap speed_lags speed_step speed_close speed_evidence
-        overhead_weight speed_rounds speed_prior reverse_cost speed_gain acceleration_cost min_speed_ratio
-        min_clear_speed standstill_share standstill_share_low near_share near_view min_step min_straightness body_range
-        body_voxel body_share body_spread
-        """,
-    "odometry.loops": """
-        place_every place_length place_scans rings sectors voxel max_turn_drift_deg max_offset max_difference candidates
-        registration_distances min_points drift turn_drift_deg deviation turn_deviation_deg
-        """,
-    "instances": "ego_radius",
-    "instances.hdbscan": "min_samples voxel",
-    "network.image": "spacing residual_min_range residual_max_range",
-    "network.training": """
-        optimizer momentum weight_decay warm_up schedule decay patience weighed_scans seed loaders cached_scans
-        """,
-    "self_training": "most",
-    "map": "tile picture_pixels",
-    "candidates.ground": "sectors start_range step max_bend max_step max_slope ghost_depth max_depth",
-    "candidates.ego_body": """
-        max_scans min_scans min_distance min_overlap max_drift beyond world_distance world_share min_cells
-        attached_share
-        """,
-    "candidates.free_space": "span_tolerance first_spans sure_hits support support_per_metre weak_weight near_miss",
-    "instances.components": "torn_share torn_points torn_gap silence",
-    "instances.components.segments": "height_bin thin_share thin_rows",
-    "tracking.filter": "measurement_share whole_side",
-    "tracking.gates": "max_climb max_size_change max_count_ratio size_weight count_weight evidence_weight",
-    "tracking.judge": "min_probability prior displacement unsteady hover pieces",
-    "labels": "now_speed",
-    "tracking.smoothing": "noise acceleration",
-    "tracking.completion": "ring ground_clearance",
-}
-"""Names, by group, of former settings that are now constants."""
-
 BECAME = {
     "candidates.erasor": "its published parameters are used, see automos.baselines.erasor; remove it",
     "baselines": "other methods use the published parameters, see automos.baselines; remove it",
@@ -80,19 +35,38 @@ BECAME = {
 """Replacements of former groups and settings: constants in the code, or options of a command."""
 
 
-def with_present_names(tree: Mapping[str, Any], source: str) -> dict[str, Any]:
-    """Return the settings `tree` with current names only; one warning reports the settings that were left out.
+def with_present_names(tree: Mapping[str, Any], known: set[str], source: str) -> dict[str, Any]:
+    """Return the settings `tree` with current names; one warning reports the settings that were left out.
 
     Parameters
     ----------
     tree : Mapping[str, Any]
         Groups of settings, by name, as written by any version.
+    known : set of str
+        The dotted names of all settings and groups.
     source : str
         Their origin, for the warning.
     """
+    has_all = {"odometry", "candidates", "instances", "tracking", "labels"} <= tree.keys()
     left_out: list[str] = []
     renamed: dict[str, Any] = {}
-    kept = _present(tree, "", left_out, renamed)
+
+    def present(branch: Mapping[str, Any], prefix: str) -> dict[str, Any]:
+        kept = {}
+        for name, value in branch.items():
+            key = f"{prefix}{name}"
+            if key in RENAMED:
+                renamed[RENAMED[key]] = value
+            elif isinstance(value, Mapping) and value and not _is_leaf(key, known):
+                if inner := present(value, f"{key}."):
+                    kept[name] = inner
+            elif key in known or not has_all:
+                kept[name] = value
+            else:
+                left_out.append(key)
+        return kept
+
+    kept = present(tree, "")
     for key, value in renamed.items():
         *groups, name = key.split(".")
         branch = kept
@@ -106,34 +80,13 @@ def with_present_names(tree: Mapping[str, Any], source: str) -> dict[str, Any]:
 
 
 def refuse_former_name(key: str) -> None:
-    """Raise SettingsError if `key` ("odometry.convergence") is a former setting."""
+    """Raise SettingsError if `key` ("network.online.engine") is a former setting."""
     for former, became in BECAME.items():
         if key == former or key.startswith(f"{former}."):
             raise SettingsError(f"'{key}' is not a setting any more: {became} (`automos settings` lists all)")
-    if _is_constant(key):
-        raise SettingsError(f"{key} is a constant now, not a setting: leave it out (`automos settings` lists all)")
     if key in RENAMED:
         raise SettingsError(f"there is no setting '{key}' any more: it is called '{RENAMED[key]}' now")
 
 
-def _is_constant(key: str) -> bool:
-    group, _, name = key.rpartition(".")
-    is_gone = any(key == former or key.startswith(f"{former}.") for former in BECAME)
-    return is_gone or name in CONSTANTS.get(group, "").split()
-
-
-def _present(tree: Mapping[str, Any], prefix: str, left_out: list[str], renamed: dict[str, Any]) -> dict[str, Any]:
-    """Return the settings that still exist; add constants' names to `left_out`, renamed settings to `renamed`."""
-    kept = {}
-    for name, value in tree.items():
-        key = f"{prefix}{name}"
-        if _is_constant(key):
-            left_out.append(key)
-        elif key in RENAMED:
-            renamed[RENAMED[key]] = value
-        elif isinstance(value, Mapping) and value:
-            if inner := _present(value, f"{key}.", left_out, renamed):
-                kept[name] = inner
-        else:
-            kept[name] = value
-    return kept
+def _is_leaf(key: str, known: set[str]) -> bool:
+    return key in known and not any(name.startswith(f"{key}.") for name in known)

@@ -1,7 +1,5 @@
 """The base of all groups of settings: names with values, or further groups."""
 
-from __future__ import annotations
-
 from typing import Any, Self
 
 from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator, model_validator

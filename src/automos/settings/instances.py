@@ -1,7 +1,5 @@
 """III-C: the segments of one scan."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import Literal
 

@@ -3,8 +3,6 @@
 The preset "paper" follows the paper; "default" is the most accurate one.
 """
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -178,7 +176,7 @@ def _read_yaml(file: Path) -> dict[str, Any]:
         raise SettingsError(f"settings file {file} is not YAML ({error}): `automos settings` prints one") from None
     if not isinstance(tree, dict | None):
         raise SettingsError(f"settings file {file} must hold names and values: `automos settings` prints one")
-    return with_present_names(tree or {}, f"settings file {file}")
+    return with_present_names(tree or {}, set(keys_of(Settings)), f"settings file {file}")
 
 
 def _sentence(error: ValidationError) -> str:

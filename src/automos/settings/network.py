@@ -1,7 +1,5 @@
 """III-E: LMNet: its images, its model and its training."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from pydantic import Field

@@ -1,7 +1,5 @@
 """III-A: poses of every scan, refinement over longer baselines, loop closure."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from pydantic import Field

@@ -1,7 +1,5 @@
 """What a recording does not say of itself."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from pydantic import Field

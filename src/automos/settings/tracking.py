@@ -1,7 +1,5 @@
 """III-D: tracks, whether they move, and their points."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from pydantic import Field

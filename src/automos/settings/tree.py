@@ -1,7 +1,5 @@
 """All settings of one run, a branch for each stage."""
 
-from __future__ import annotations
-
 from automos.settings.candidates import CandidatesSettings, SelfTrainingSettings
 from automos.settings.group import Group
 from automos.settings.instances import InstancesSettings

@@ -1,18 +1,14 @@
 """What an annotator would draw: an upright box around every object of which a scan holds points."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.geometry import transform, wrap_angle
+from automos.core.geometry import Array, transform, wrap_angle
 from automos.core.upright_boxes import Boxes
 from automos.simulation.traffic.motion import transforms
 from automos.simulation.world import World
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

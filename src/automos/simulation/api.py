@@ -1,7 +1,5 @@
 """The way in: a scenario and a sensor by name, a length and a seed."""
 
-from __future__ import annotations
-
 from difflib import get_close_matches
 
 from automos.core.errors import InputError

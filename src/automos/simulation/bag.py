@@ -5,8 +5,6 @@
 /tf_static from the LiDAR to the IMU, the identity
 """
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Iterator
 from functools import partial
@@ -14,15 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.core.atomic import faults_reported
-from automos.core.geometry import inverse, se3_log
+from automos.core.geometry import Array, inverse, se3_log
 from automos.readers.formats import import_extra
 from automos.readers.point_cloud2 import cloud_message
 from automos.simulation.sequence import SimulatedSequence
 
-Array = npt.NDArray[np.float64]
 RATE = 200
 """Measurements of the IMU a second."""
 GRAVITY = 9.81

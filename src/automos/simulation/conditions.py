@@ -1,7 +1,5 @@
 """What a recording is made with beside scenario and sensor: what carries it, where it sits, the air, bright signs."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,19 +1,16 @@
 """The vehicle that carries the sensor: how its body pitches, rolls and shakes, and what of it the beams hit."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.geometry import Array
 from automos.simulation.shapes.materials import Material
 from automos.simulation.shapes.mesh import Mesh, box, join, rod
 from automos.simulation.traffic.driving import DT
 from automos.simulation.traffic.motion import transforms
-
-Array = npt.NDArray[np.float64]
 
 PITCH_PER_ACCELERATION = 0.006
 """rad per m/s^2: the nose dives when braking."""

@@ -4,8 +4,6 @@ Points of all are given in the first one's frame, each LiDAR's raw: as seen from
 over by how it is mounted. They fire each in its own direction, so a cloud has no seam. Missing returns are left out.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Furnishing a road with what grows: trees, bushes, hedges, high grass. A few shapes are grown and used many times."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

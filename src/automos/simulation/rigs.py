@@ -4,15 +4,13 @@ A rig's parts are fixed to the body, swing behind it, or walk. Body frame: x for
 ground under the car's middle.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
+from automos.core.geometry import Array
 from automos.simulation.ego import EgoMotion, ego_body
 from automos.simulation.shapes.materials import Material
 from automos.simulation.shapes.mesh import Mesh, box, join, rod
@@ -20,8 +18,6 @@ from automos.simulation.shapes.people import make_walker
 from automos.simulation.traffic.driving import DT
 from automos.simulation.traffic.motion import Motion, transforms
 from automos.simulation.world import World
-
-Array = npt.NDArray[np.float64]
 
 WALK = 1.4
 """m/s, the most a walking operator does."""

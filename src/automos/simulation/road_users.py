@@ -1,7 +1,5 @@
 """Filling a road with those who use it: vehicles in lanes, at the kerb and in queues, cyclists, people."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache

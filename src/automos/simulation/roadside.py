@@ -4,8 +4,6 @@ Each function walks along a path and sets up one kind of thing at given or rando
 in the way.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from automos.simulation.shapes import buildings, furniture, people, vehicles

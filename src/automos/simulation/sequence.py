@@ -3,14 +3,12 @@
 Nothing is kept but names and numbers; a scan is cast when it is asked for, always to the same bytes.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.geometry import inverse, make_transform, rotation_between
+from automos.core.geometry import Array, inverse, make_transform, rotation_between
 from automos.core.labels import OUTLIER, Label, pack
 from automos.core.scan import Pose, Scan, Sequence
 from automos.core.upright_boxes import TrueBoxes
@@ -27,8 +25,6 @@ from automos.simulation.sensing.sensors import SENSORS, Pattern, Sensor
 from automos.simulation.traffic.motion import transforms
 from automos.simulation.truth import Verdicts, judge
 from automos.simulation.world import World
-
-Array = npt.NDArray[np.float64]
 
 FORMAT = 5
 """Counts up whenever equal arguments no longer give equal bytes."""
@@ -70,7 +66,7 @@ class SimulatedSequence(Sequence):
         return self._cast(index).scan
 
     @property
-    def stamps(self) -> npt.NDArray[np.float64]:
+    def stamps(self) -> Array:
         """(len,) seconds, the middle of each sweep."""
         return (np.arange(len(self), dtype=np.float64) + 0.5) * self.sensor.period
 

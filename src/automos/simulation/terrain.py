@@ -4,8 +4,6 @@ Roads are one signed distance field (metres, negative on the carriageway), joine
 corners. The mesh has pairs of vertices along the kerb lines, so that a kerb is a step and not a ramp.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,12 +11,11 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.geometry import Array
 from automos.core.kernels import kernel
 from automos.simulation.shapes.materials import Material
 from automos.simulation.shapes.mesh import Mesh
 from automos.simulation.traffic.paths import Path
-
-Array = npt.NDArray[np.float64]
 
 KERB_RAMP = 0.04
 """Metres over which a kerb rises."""

@@ -4,19 +4,16 @@ A car that waits at the light and then drives is moving throughout; one that onl
 not. "Observed" means that an unobstructed line leads from the sensor to it at mid-sweep.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.geometry import Array
 from automos.simulation.sensing.scene import Scene
 from automos.simulation.sensing.sensors import Sensor
 from automos.simulation.traffic.motion import transforms
 from automos.simulation.world import World
-
-Array = npt.NDArray[np.float64]
 
 CERTAIN_MOTION = 0.5
 """Metres between two observed places from which on an annotator calls an object moving."""

@@ -1,13 +1,12 @@
 """A world: what stands still, what moves, and the ego vehicle among it. And the site on which scenarios build one."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.geometry import Array
 from automos.simulation.ego import EgoMotion, ride
 from automos.simulation.shapes.mesh import Mesh, join
 from automos.simulation.shapes.things import Thing
@@ -15,8 +14,6 @@ from automos.simulation.terrain import Terrain
 from automos.simulation.traffic.agents import Agent, Signal
 from automos.simulation.traffic.driving import drive_unharmed
 from automos.simulation.traffic.motion import Motion, follow, transforms
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,8 +8,6 @@ OUT/poses.txt, calib.txt (Tr is the identity: poses are the sensor's), times.txt
 OUT/simulation.json         what was asked for; marks the folder as ours
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from functools import partial

@@ -1,7 +1,5 @@
 """What to know before trusting the results, in sentences."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -3,8 +3,6 @@
 A viewer that does not keep up would have all that waits for it kept in memory: only a few messages are.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The area of a recording from above: static points grey, moving green, errors red and blue."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scans in the viewer while they are labelled: points, and boxes and velocities of moving objects."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from typing import Any
 

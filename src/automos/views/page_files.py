@@ -1,7 +1,5 @@
 """Self-contained pages: styles, scripts and data written into one HTML file."""
 
-from __future__ import annotations
-
 import json
 import re
 from importlib.resources import files

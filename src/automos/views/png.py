@@ -1,7 +1,5 @@
 """Pictures of few colours as PNG, small enough to be part of a page."""
 
-from __future__ import annotations
-
 import base64
 import io
 

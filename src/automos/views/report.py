@@ -4,8 +4,6 @@ The plots are a few hundred lines of canvas and SVG: a plotting library would ta
 megabytes, and none of them draws an animated map beside its charts.
 """
 
-from __future__ import annotations
-
 import html
 from datetime import UTC, datetime
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The layout of the viewer Rerun: the world in three dimensions beside a summary and curves."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One walk through a run and its recording that gathers all a report shows, ready to be written as JSON."""
 
-from __future__ import annotations
-
 import base64
 from typing import Any
 

@@ -4,8 +4,6 @@ The moments lie in the level frame, which does not move. Something parked theref
 again, and something that drives draws a row of them: whether a track moved can be seen at a glance.
 """
 
-from __future__ import annotations
-
 import base64
 from collections import defaultdict
 from dataclasses import dataclass, field

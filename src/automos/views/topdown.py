@@ -1,7 +1,5 @@
 """Labels seen from above, against the truth where there is one, as in Fig. 4 of the paper."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

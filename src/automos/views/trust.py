@@ -1,7 +1,5 @@
 """One sentence on whether the labels of a run can be trusted, with why."""
 
-from __future__ import annotations
-
 from typing import Any
 
 

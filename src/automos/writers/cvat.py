@@ -5,8 +5,6 @@ A task is made of the files in point_clouds/default; its annotations are uploade
 CVAT reads their width, height and length as x, y and z, so that a file right for KITTI is wrong there.
 """
 
-from __future__ import annotations
-
 import json
 import zipfile
 from pathlib import Path

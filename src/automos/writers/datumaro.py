@@ -1,7 +1,5 @@
 """CVAT's export "Datumaro 3D 1.0": the parts that are read, checked before they are used."""
 
-from __future__ import annotations
-
 import zipfile
 from pathlib import Path
 from typing import Annotated, Literal

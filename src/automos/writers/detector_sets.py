@@ -1,7 +1,5 @@
 """What data sets for detectors have in common: names of kinds, and a split."""
 
-from __future__ import annotations
-
 CLASSES = ("Vehicle", "Pedestrian", "Cyclist")
 CLASS_OF_KIND = (0, 0, 2, 1, 0)
 """Index into `CLASSES` of each `Kind`: what is of no kind is no person."""

@@ -4,8 +4,6 @@ It is of recordings whose cameras are read, which are KITTI's raw drives. The ve
 frame. Masks of the sky come from programs of its own.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@ VIEWPOINT in a file's header is the sensor's pose, which dufomap takes as the or
 the first scan. Intensity says what moves: 1, else 0.
 """
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 

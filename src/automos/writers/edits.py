@@ -4,8 +4,6 @@ Both give boxes in the scans' upright frames, as they were exported. SUSTechPOIN
 renumbers them, so its tracks are recognised by the places of their boxes.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass

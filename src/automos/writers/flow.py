@@ -3,8 +3,6 @@
 A point moves with its track; all others are static. The apparent motion by the sensor follows from the poses.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path

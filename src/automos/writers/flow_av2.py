@@ -4,8 +4,6 @@ Flow leads from a point to its place in the next sweep's frame, the sensor's own
 is in the vehicle's frame, as there; else in the sensor's. The last sweep has no next one and no file.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The declaration of a writer: what it writes, and how."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

@@ -5,8 +5,6 @@ that looks along its heading, level at the first scan; its pose is in calib/SSSS
 the image are -1 and alpha is -10, as for results in 3D only.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

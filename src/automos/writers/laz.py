@@ -5,8 +5,6 @@ large for that, become 0, 0, 0, as drivers write "no return". The label is the c
 extra dimension.
 """
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable
 

@@ -3,8 +3,6 @@
 Clouds have the fields of `point_columns`. As in drivers, time is called `t`, in nanoseconds after the first point.
 """
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Merges corrections made in another tool into a run's results: new labels and tracks, and a count of changes."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

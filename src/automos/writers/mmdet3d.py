@@ -4,8 +4,6 @@ A box is the centre of its bottom, length, width, height and yaw, as MMDetection
 is named. `track_id` says which are one object.
 """
 
-from __future__ import annotations
-
 import pickle
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@ The world is the level frame, the rig is the sensor. Poses are stored at the sta
 sweep, so that poses between them compensate the rays as they were when they were labelled.
 """
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 from typing import Any

@@ -3,8 +3,6 @@
 The sample token is the scan's name; sizes are width, length, height and quaternions scalar first, as nuScenes has them.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -4,8 +4,6 @@ The world is the level frame: z up, the ground under the first scan at 0. The se
 sample. Boxes are of what moves. Tables have what TIER IV's T4 asks for beside, which the devkit leaves alone.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections import defaultdict

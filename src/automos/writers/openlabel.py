@@ -1,7 +1,5 @@
 """ASAM OpenLABEL 1.0: objects with a cuboid per frame in a world frame with z up, and the sensor's pose in it."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -3,8 +3,6 @@
 Scans in which nothing moves are not listed: its reader fails at an empty file of labels.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from automos.core.atomic import write_npy, write_text

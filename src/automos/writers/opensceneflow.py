@@ -5,8 +5,6 @@ What moves is `dufo`, and on which object `dufocluster`: self-supervised trainer
 for scans ten times a second. Categories of moving points go by the size of their object.
 """
 
-from __future__ import annotations
-
 import pickle
 from pathlib import Path
 

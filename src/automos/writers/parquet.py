@@ -1,7 +1,5 @@
 """One Parquet table of all points, a row group per scan. What a scan has not, and others may have, is null."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

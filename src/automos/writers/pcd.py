@@ -1,7 +1,5 @@
 """Point Cloud Library files and polygon files, binary."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

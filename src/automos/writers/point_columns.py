@@ -1,7 +1,5 @@
 """Everything known of each point, as named columns in the scan's order."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -4,8 +4,6 @@ A correction changes only the points of an object whose box was moved, removed o
 are now in a moving box. The ground under a moving object is not changed.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

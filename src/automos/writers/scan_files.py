@@ -1,7 +1,5 @@
 """One file for each scan, named after it: a table of formats, each with what it holds and how a scan is packed."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable
 from pathlib import Path

@@ -4,8 +4,6 @@ Points are in the sensor frame, the sensor's motion during a sweep taken out; `e
 with z up, in which the cuboids are.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@ Its validation asks for the directories as entries of their own, for files named
 point. A recording whose name is not a sequence number is written as sequence 00.
 """
 
-from __future__ import annotations
-
 import zipfile
 from collections import Counter
 from pathlib import Path

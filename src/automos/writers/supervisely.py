@@ -3,8 +3,6 @@
 Points and boxes are in each scan's upright frame.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from pathlib import Path

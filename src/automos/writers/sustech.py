@@ -3,8 +3,6 @@
 Points and boxes are in each scan's upright frame, so that boxes turn about z only.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """TIER IV's T4 data set: nuScenes' tables in annotation/, boxes marked as made automatically, with their scores."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from automos.writers.formats import Export

@@ -1,7 +1,5 @@
 """Packets as the manuals of sensors describe them, byte by byte, made from known ranges and places. For tests only."""
 
-from __future__ import annotations
-
 import struct
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Recordings as recorders keep them, against the sweeps they were made of: every point once, label and time with it."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,13 +1,17 @@
 """Sweeps without times: when each point was measured, from where it lies; beams from the order of the points."""
 
-from __future__ import annotations
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from automos.core.array_sequence import ArraySequence
 from automos.simulation import Convention, simulate
-from automos.simulation.recorders import Recorded, TurnsByAzimuth
+from automos.simulation.recorders import Recorded
+
+sys.path.append(str(Path(__file__).parents[3] / "benchmarks"))
+from cases import TurnsByAzimuth
 
 
 @pytest.fixture(scope="module")

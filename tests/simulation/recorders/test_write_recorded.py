@@ -1,7 +1,5 @@
 """What lies on disk is what a reader of the layout finds: the same points, labels, times and clock."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

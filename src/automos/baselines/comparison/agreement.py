@@ -1,7 +1,5 @@
 """How far methods agree on which points move, with or without ground truth."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 

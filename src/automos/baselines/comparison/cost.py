@@ -1,7 +1,5 @@
 """Time and memory that a method took on a recording, for each of its runs."""
 
-from __future__ import annotations
-
 import statistics
 from dataclasses import dataclass
 from pathlib import Path

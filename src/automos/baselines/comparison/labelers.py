@@ -1,7 +1,5 @@
 """All methods that can be compared, the baselines and the presets, with one interface: labels of scans."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Iterable, Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Fig. 4 of the paper: one scan, one picture per method, from the same view."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

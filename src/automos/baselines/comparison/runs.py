@@ -7,8 +7,6 @@
 Results that exist and were made with the same settings are kept. Labels of other programs can be compared, too.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -4,8 +4,6 @@ Clouds of two megabytes are lost where a subscription asks for best effort, ROS'
 not set up for them; and none comes where it asks for more than is offered. So it is reliable if all publishers are.
 """
 
-from __future__ import annotations
-
 import logging
 import time
 from collections import OrderedDict

@@ -1,7 +1,5 @@
 """What the node publishes of each labelled scan: clouds, odometry, boxes, and transforms where they are asked for."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

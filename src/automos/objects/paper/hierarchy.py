@@ -6,15 +6,13 @@ eps = 2.0, 1.0, 0.5, 0.25 m gives nested segments. The paper does not say how th
 score higher, as in Hu, Held and Ramanan, "Learning to Optimally Segment Point Clouds" (RA-L 2020).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
+from scipy.cluster.hierarchy import fcluster
 from scipy.cluster.hierarchy import linkage as single_linkage
-
-from automos.core.kernels import kernel
+from scipy.ndimage import maximum, minimum
 
 
 def cluster_nested(points: npt.NDArray, epsilons: Sequence[float], min_samples: int) -> npt.NDArray[np.int32]:
@@ -26,12 +24,12 @@ def cluster_nested(points: npt.NDArray, epsilons: Sequence[float], min_samples: 
     """
     n = len(points)
     if n < 2:
-        linkage = np.zeros((0, 4))
-    elif n <= min_samples:  # hdbscan needs more points than neighbours
+        return np.zeros((len(epsilons), n), np.int32)
+    if n <= min_samples:  # hdbscan needs more points than neighbours
         linkage = single_linkage(points)
     else:
         linkage = _mutual_reachability_linkage(np.asarray(points, np.float64), min_samples)
-    return _cut(n, linkage, np.asarray(epsilons, np.float64))
+    return np.stack([_cut(linkage, epsilon) for epsilon in epsilons])
 
 
 def _mutual_reachability_linkage(points: npt.NDArray[np.float64], min_samples: int) -> npt.NDArray[np.float64]:
@@ -51,29 +49,10 @@ def _mutual_reachability_linkage(points: npt.NDArray[np.float64], min_samples: i
     return fit.single_linkage_tree_.to_numpy()
 
 
-@kernel
-def _cut(n, linkage, epsilons):  # type: ignore[no-untyped-def]
-    """Cut `linkage` (n - 1, 4; SciPy's format: row i merges two nodes into node n + i) at `epsilons`, decreasing."""
-    labels = np.empty((len(epsilons), n), np.int32)
-    root = np.empty(2 * n, np.int64)
-    for level in range(len(epsilons)):
-        # From the last merge to the first, so that a node's root is known before it is needed by its children.
-        for i in range(len(linkage) - 1, -1, -1):
-            node = n + i
-            if i == len(linkage) - 1 or linkage[i, 2] > epsilons[level] or root[node] == -1:
-                root[node] = node
-            below = root[node] if linkage[i, 2] <= epsilons[level] else -1
-            root[int(linkage[i, 0])] = below
-            root[int(linkage[i, 1])] = below
-        id_of = np.full(2 * n, -1, np.int32)
-        next_id = 0
-        for i in range(n):
-            r = root[i] if len(linkage) and root[i] >= 0 else i
-            if id_of[r] == -1:
-                id_of[r] = next_id
-                next_id += 1
-            labels[level, i] = id_of[r]
-    return labels
+def _cut(linkage: npt.NDArray[np.float64], epsilon: float) -> npt.NDArray[np.int32]:
+    """Return (n,) the segments of `linkage` (n - 1, 4; SciPy's) at `epsilon`, in the order of their first point."""
+    _, first, segment = np.unique(fcluster(linkage, epsilon, "distance"), return_index=True, return_inverse=True)
+    return first.argsort().argsort()[segment].astype(np.int32)
 
 
 def choose_segments(
@@ -130,18 +109,10 @@ def choose_segments(
     return ids, np.concatenate(scores)
 
 
-@kernel
-def _summarise(level, weight, score, points):  # type: ignore[no-untyped-def]
+def _summarise(
+    level: npt.NDArray[np.int32], weight: npt.NDArray, score: npt.NDArray, points: npt.NDArray
+) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray]:
     """Return mass, weighted mean score and longest ground extent (S,) of each segment of one level."""
-    count = level.max() + 1
-    mass, value = np.zeros(count), np.zeros(count)
-    low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
-    for i in range(len(level)):
-        s = level[i]
-        mass[s] += weight[i]
-        value[s] += weight[i] * score[i]
-        for a in range(2):
-            low[s, a] = min(low[s, a], points[i, a])
-            high[s, a] = max(high[s, a], points[i, a])
-    extent = np.maximum(high[:, 0] - low[:, 0], high[:, 1] - low[:, 1])
-    return mass, value / mass, extent
+    mass, segments = np.bincount(level, weight), np.arange(level.max() + 1)
+    sides = [maximum(axis, level, segments) - minimum(axis, level, segments) for axis in points[:, :2].T]
+    return mass, np.bincount(level, weight * score) / mass, np.max(sides, axis=0)

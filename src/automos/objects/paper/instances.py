@@ -1,7 +1,5 @@
 """The instances of one scan: non-ground points, clustered, scored and boxed (paper III-C)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,9 +10,6 @@ from automos.objects.boxes import fit_boxes
 from automos.objects.paper.hierarchy import choose_segments, cluster_nested
 from automos.objects.paper.voxels import group_by_voxel
 from automos.settings import HdbscanSettings
-
-_MIN_SAMPLES = 5
-"""Number of neighbours of a dense point: that of the points of the smallest segment (N_min, III-F)."""
 
 _VOXEL = 0.1
 """Metres: voxels are clustered, not points, as HDBSCAN's time grows with their number; a near wall has hundreds."""
@@ -43,7 +38,8 @@ def find_instances(
     group, mean = group_by_voxel(points[eligible], _VOXEL)
     weight = np.bincount(group, minlength=len(mean)).astype(np.float64)
     score = np.bincount(group, is_candidate[eligible], len(mean)) / weight
-    nested = cluster_nested(mean, settings.epsilons, _MIN_SAMPLES)
+    # A dense point has as many neighbours as the smallest segment has points (N_min, III-F).
+    nested = cluster_nested(mean, settings.epsilons, settings.min_points)
     chosen, segment_score = choose_segments(nested, weight, score, settings.min_points, settings.max_side, mean)
     is_instance = segment_score >= settings.min_score
     number = np.full(len(segment_score) + 1, -1, np.int32)  # the last entry is for segment -1

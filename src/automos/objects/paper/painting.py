@@ -1,7 +1,5 @@
 """From verdicts to points: every point of a moving segment or in a moving box is moving (paper III-D)."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -1,7 +1,5 @@
 """The verdict on a track by the length of its trajectory (paper III-D, last paragraph)."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Points thinned to one per voxel, and the voxel of each point."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

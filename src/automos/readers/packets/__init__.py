@@ -1,7 +1,5 @@
 """Packets as sensors send them, in captures, Livox's files and bags: a table of sensors, and one decoder for all."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from automos.core.scan import Sequence

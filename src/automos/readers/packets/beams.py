@@ -1,7 +1,5 @@
 """Where the beams of a sensor point: what its own calibration says, or else what its manual says of all of its kind."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path

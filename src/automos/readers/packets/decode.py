@@ -1,7 +1,5 @@
 """From the packets of a sweep to its points, whatever sensor sent them: what `layouts` says is all that differs."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from itertools import islice
 from pathlib import Path

@@ -4,8 +4,6 @@ A row tells how to know such packets from others and where their numbers are; `d
 another sensor is to add a row here and, for one whose beams are fixed, its angles to `beams.json`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Livox's own recordings, .lvx of its first sensors and .lvx2: packets, in frames that say where the next begins."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Messages of drivers that hold packets: those of about one turn, each with the time it came, or a single one."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterable
 

@@ -5,8 +5,6 @@ their measurement, both of a sensor that gives two, where they differ. Of severa
 port, as if the file were a folder: `drive.pcap/192.168.1.201-2368`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path

@@ -4,8 +4,6 @@ A sweep begins where a turning sensor comes round to the direction of the captur
 begins a frame, so all but the last are whole.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From the packets of a Velodyne's sweep to its points, by velodyne-decoder, which knows each model's calibration."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from functools import cached_property
 from itertools import chain, islice

@@ -1,7 +1,5 @@
 """What of a scan's points a recorder keeps, and how: functions on arrays."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@ What a sensor measures is a stream of points. It comes here as sweeps of one tur
 turns since the recording's start, is its sweep's number and the share of the turn that had passed.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Protocol

@@ -6,8 +6,6 @@ OUT/times.txt             where the recorder keeps a clock; OUT/poses.txt: true 
 OUT/convention.json       what the recorder did
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict
 from pathlib import Path

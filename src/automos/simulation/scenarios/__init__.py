@@ -1,7 +1,5 @@
 """The situations a labeler must master; each module builds a world from a random generator and a duration."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """A campus: crowds on foot among trees, the ego creeping through them; slow motion is the hard part."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from automos.simulation import planting, road_users, roadside

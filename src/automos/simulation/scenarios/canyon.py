@@ -4,8 +4,6 @@
 `avenue` traffic flows from the start, and shorter houses with trees before them show how far along the street it is.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from automos.simulation import planting, road_users, roadside

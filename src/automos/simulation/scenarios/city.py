@@ -3,8 +3,6 @@
 Cars stand at the kerb and pull out, others drive up and park.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from automos.simulation import planting, road_users, roadside

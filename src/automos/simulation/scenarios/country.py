@@ -1,7 +1,5 @@
 """A country road where nothing moves: every moving label is wrong here."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from automos.simulation import planting, road_users, roadside

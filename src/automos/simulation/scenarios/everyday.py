@@ -3,8 +3,6 @@
 Lights and queues, cars that leave and that park, people in pairs and groups, long vehicles, vans that hide the rest.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from automos.simulation.road_users import Life

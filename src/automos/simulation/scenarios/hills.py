@@ -1,7 +1,5 @@
 """A road over hills, under trees and bridges, past bushes that sway: uneven ground, things above the road."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from automos.simulation import planting, road_users, roadside

@@ -1,7 +1,5 @@
 """A signalled junction: cars that wait and then drive, cars that drive and then park, people crossing."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from automos.simulation import planting, road_users, roadside

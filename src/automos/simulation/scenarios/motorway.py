@@ -4,8 +4,6 @@ On `motorway` all are in full flight from the first scan, between bare verges; o
 slow section, between shrubs.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from automos.simulation import planting, road_users, roadside

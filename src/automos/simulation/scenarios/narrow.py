@@ -1,7 +1,5 @@
 """A narrow one-way street of two lanes: lorries beside the ego hide one half of the world for seconds."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from automos.simulation import road_users, roadside

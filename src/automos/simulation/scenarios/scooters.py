@@ -1,7 +1,5 @@
 """A market street full of motorcycles and scooters that ride abreast, between stalls, cars and people."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from automos.simulation import planting, road_users, roadside

@@ -1,7 +1,5 @@
 """A sensor that stands still at a junction: everything is seen from one place only."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from automos.simulation.road_users import Life

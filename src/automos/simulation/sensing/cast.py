@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.geometry import inverse
+from automos.core.geometry import Array, inverse
 from automos.core.kernels import kernel
 from automos.simulation.rigs import Rig, placed, rigs
 from automos.simulation.sensing.scene import EGO, Hits, Scene
@@ -20,7 +20,6 @@ from automos.simulation.sensing.sensors import SECTORS, Pattern
 from automos.simulation.traffic.motion import transforms
 from automos.simulation.world import World
 
-Array = npt.NDArray[np.float64]
 Array32 = npt.NDArray[np.float32]
 
 _OWN_TURN = 0.06

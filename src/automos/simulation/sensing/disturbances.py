@@ -1,15 +1,13 @@
 """What spoils a sweep: drops and dust in the air, and bright signs that bleed into the beams beside them."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.geometry import Array
 from automos.simulation.sensing.scene import AIR, Hits
 from automos.simulation.sensing.sensors import Sensor
 from automos.simulation.shapes.materials import Material
 
-Array = npt.NDArray[np.float64]
 Array32 = npt.NDArray[np.float32]
 
 DROPS_PER_METRE = 0.002

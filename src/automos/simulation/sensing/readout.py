@@ -1,19 +1,15 @@
 """From returns to a scan: which beams are kept as points, in what order, and what each of them is on."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.geometry import inverse
+from automos.core.geometry import Array, inverse
 from automos.core.scan import Scan
 from automos.simulation.sensing.returns import Returns
 from automos.simulation.sensing.scene import EGO, Hits
 from automos.simulation.sensing.sensors import Pattern, Sensor
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,8 +4,6 @@ A beam returns while its echo is strong enough: reflectivity x cos(incidence)**f
 reach on a 10 % target. A beam that straddles an edge reports a range in between when both echoes fall into one pulse.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

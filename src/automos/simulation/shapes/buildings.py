@@ -3,15 +3,11 @@
 A building's body frame has its front in the plane y = 0, from x = 0 to x = width, and stands on the side y > 0.
 """
 
-from __future__ import annotations
-
 import numpy as np
-import numpy.typing as npt
 
+from automos.core.geometry import Array
 from automos.simulation.shapes.materials import Material
 from automos.simulation.shapes.mesh import Mesh, box, join, quads, rod
-
-Array = npt.NDArray[np.float64]
 
 
 def _wall_with_holes(

@@ -1,7 +1,5 @@
 """What stands along roads: lamps, signs, lights, bollards, shelters, benches, rails, gantries, bridges."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from automos.simulation.shapes.materials import Material

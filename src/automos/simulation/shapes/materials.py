@@ -4,8 +4,6 @@ The values are typical of 905 nm: asphalt and pavement near 0.15-0.3, plaster 0.
 black rubber 0.05, retro-reflective sheeting tens of times a white sheet of paper.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import IntEnum, auto
 

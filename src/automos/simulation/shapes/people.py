@@ -4,8 +4,6 @@ A walker's frames are phases of one stride: hips swing, the knee of the forward-
 the legs. A cyclist's frames are phases of one turn of the pedals.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A thing: what stands or moves in a world as one rigid body, with the box an annotator would draw around it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -1,14 +1,10 @@
 """Trees, bushes and hedges: foliage is a cloud of leaf-sized triangles, so that beams enter it as they enter leaves."""
 
-from __future__ import annotations
-
 import numpy as np
-import numpy.typing as npt
 
+from automos.core.geometry import Array
 from automos.simulation.shapes.materials import Material
 from automos.simulation.shapes.mesh import Mesh, ball, from_faces, join, rod
-
-Array = npt.NDArray[np.float64]
 
 
 def leaves(centers: Array, size: float, rng: np.random.Generator, tint: float = 1.0) -> Mesh:

@@ -3,8 +3,6 @@
 Every maker takes a random generator and returns a :class:`Thing` whose sizes and paint vary within what is on the road.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from automos.simulation.shapes.materials import Material

@@ -1,17 +1,13 @@
 """Road users, as a scenario describes them: what they are, which path they follow, how they would like to go."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from automos.core.geometry import Array
 from automos.simulation.shapes.things import Thing
 from automos.simulation.traffic.paths import Path
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

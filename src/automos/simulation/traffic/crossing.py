@@ -1,16 +1,12 @@
 """A signalled crossroads: the paths through it, one light per arm, a phase in which people walk."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from automos.core.geometry import Array
 from automos.simulation.traffic.agents import Signal
 from automos.simulation.traffic.paths import Path, connect, through
-
-Array = npt.NDArray[np.float64]
 
 GREEN = 7.0
 """Seconds of green for one arm."""

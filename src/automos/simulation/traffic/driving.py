@@ -6,19 +6,16 @@ crossing and a pedestrian in front of the bonnet need no special case. An outlin
 aside for each other and stop for moving vehicles.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.geometry import Array
 from automos.core.kernels import kernel
 from automos.simulation.traffic.agents import Agent, Signal
 from automos.simulation.traffic.paths import STEP, Path
 from automos.simulation.traffic.sight import disc, gap_ahead, is_somebody_coming, n_discs, place, red_ahead, sidestep
-
-Array = npt.NDArray[np.float64]
 
 DT = 0.05
 """Seconds between the steps of the traffic."""

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.geometry import Array
 from automos.simulation.terrain import Terrain
 from automos.simulation.traffic.agents import Agent
 from automos.simulation.traffic.driving import DT, Drive
 from automos.simulation.traffic.paths import STEP
-
-Array = npt.NDArray[np.float64]
 
 WANDER_LENGTH = 47.0
 """Metres after which a road user has strayed to both sides once."""

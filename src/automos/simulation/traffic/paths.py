@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from automos.core.geometry import Array
 
 STEP = 0.5
 """Metres between the samples of a path."""

@@ -5,8 +5,6 @@ Outlines are rows of discs along a path, so one test serves a lorry in a bend an
 of `crew` and `its` the row of `now`.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from automos.core.kernels import kernel

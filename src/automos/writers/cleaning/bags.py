@@ -3,8 +3,6 @@
 A bag in several files is written as files of the same names. What a recorder left without an index is written with one.
 """
 
-from __future__ import annotations
-
 import importlib
 import shutil
 import sqlite3

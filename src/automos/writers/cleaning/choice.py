@@ -1,7 +1,5 @@
 """Which points of a run's scans are written."""
 
-from __future__ import annotations
-
 from enum import Enum
 
 import numpy as np

@@ -4,8 +4,6 @@ In its own kind nothing but the points changes: files of the same names with the
 messages. What lies beside the scans of a folder (times, poses, calibration) is copied; true labels are not.
 """
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from functools import partial

@@ -1,7 +1,5 @@
 """KITTI's point files: float32 x, y, z, intensity and nothing else, one per scan, and the scans' times."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Point files with some of their points left out, in the kind that they are of and with every column that they have."""
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """A map from above, coloured by height; higher points cover lower ones, so moving objects show as trails."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Builds the map of a recording without moving objects and writes it piece by piece."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable, Iterable

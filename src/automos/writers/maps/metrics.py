@@ -6,8 +6,6 @@ dynamic and associated accuracy (Zhang et al., DynamicMap): SA, the share of sta
 points removed; AA, the square root of their product. Points without ground truth do not count.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -4,8 +4,6 @@ A tile out of the sensor's range is complete and can be written, so memory does 
 visited again later is another tile, so a few of its voxels are written twice.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

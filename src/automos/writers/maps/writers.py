@@ -1,7 +1,5 @@
 """Point cloud writers that append: PLY, PCD and LAZ. x, y, z in metres, float32 (LAZ: 0.1 mm)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path

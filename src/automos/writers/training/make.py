@@ -7,8 +7,6 @@ Beside them lie the files that tell trainers of classes, splits and sensors, and
 back to its recording. Recordings of different sensors are told of in different files, as a range image is of one.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The recordings of a data set: what each is called in it, which split it is in, and which sensor it is of."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

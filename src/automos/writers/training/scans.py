@@ -4,8 +4,6 @@ Trainers turn a point at the origin, or one that is not finite, into an index fa
 left out of scan and labels alike.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One recording of a data set on disk, as SemanticKITTI lays it out: velodyne, labels, poses, calibration, times."""
 
-from __future__ import annotations
-
 from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The small files by which trainers are told of a data set: classes, splits, the sensor, which scans have movers."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np
