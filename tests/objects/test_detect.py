@@ -65,18 +65,6 @@ def test_nothing_gives_nothing():
     assert len(objects) == len(stayed) == len(found) == 0
 
 
-def test_two_that_nearly_touch_are_split_where_one_moves_and_the_other_does_not():
-    moving, standing = block(5, 0, 6.0, 2.0), block(5, 2.4, 6.0, 2.0)
-    _, together, _ = detect((moving, UNKNOWN), (standing, STAYED))
-    assert set(together) == {0}  # less than half a metre apart: one segment
-    objects, stayed, found = detect((moving, MOVED), (standing, STAYED))
-    n = len(moving)
-    assert set(objects[:n]) == {0}
-    assert set(objects[n:]) == {-1}
-    assert set(stayed[n:]) == {1}
-    np.testing.assert_allclose(np.sort(found.boxes.size[0, :2]), [1.8, 5.8], atol=0.05)
-
-
 def test_a_lorry_of_which_only_the_ends_have_left_their_place_stays_whole():
     lorry = block(5, 0, 8.0, 2.0)
     log_odds = np.where(np.abs(lorry[:, 0] - 9.0) > 1.5, MOVED, STAYED)

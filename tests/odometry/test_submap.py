@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from worlds import Block, drive, record
 
 from automos.core.geometry import se3_exp
 from automos.odometry.submap import fit_surfels, make_submap
@@ -55,6 +56,16 @@ def test_a_corridor_says_nothing_about_the_way_along_it():
     fit = fit_surfels(submap_of(surfels), surfels, np.eye(4), **KERNEL)
     along, across, up = np.diag(fit.H)[:3]
     assert along < 0.05 * min(across, up)
+
+
+def test_what_the_same_beams_hit_further_on_does_not_hold_a_sensor_along_a_corridor():
+    walls = [Block((0.0, side, 3.0), (200.0, 2.0, 6.0)) for side in (12.0, -12.0)]
+    facing = Block((20.0, 6.0, 2.0), (1.0, 3.0, 4.0))
+    for blocks, least, most in (((*walls,), 0.0, 1e-4), ((*walls, facing), 1e-3, 1.0)):
+        world = record(blocks, drive(8), n_beams=16)
+        first, later = (make_surfels(world.sequence[i].points, None) for i in (0, 7))
+        fit = fit_surfels(submap_of(first), later, world.poses[7], **KERNEL)
+        assert least <= fit.H[0, 0] / fit.H[1, 1] < most
 
 
 def test_a_post_holds_along_the_corridor_but_not_upwards():

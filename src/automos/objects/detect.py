@@ -22,10 +22,6 @@ from automos.objects.segments import segment_points
 from automos.settings import DetectSettings
 
 Ids = npt.NDArray[np.int32]
-MIXED_SHARE = 0.1
-"""Share of the known points: a segment in which at least this share moved, and at least this share stayed, is mixed."""
-MIXED_POINTS = 20  # least number of moved and of stayed points of a mixed segment
-MIXED_GAP = 0.3  # metres: gap at which a mixed segment is split, if its parts are then not mixed
 SILENCE = 0.2  # share of stayed points up to which a segment is unknown instead of static
 
 
@@ -71,7 +67,7 @@ def detect_objects(
     limit = settings.min_log_odds
     seen = ScanPoints(points, heights, solidity, log_odds > limit, log_odds < -limit)
     seen_from, about = points - origin.astype(np.float32), (ray_steps, settings.segments)
-    ids = _split_mixed(segment_points(seen_from, heights, *about), seen_from, seen, ray_steps, settings)
+    ids = segment_points(seen_from, heights, *about)
     count, moved, stayed, extent, _, _ = _summarise(ids, *seen)
     is_consistent = _is_consistent(count, moved, stayed, settings)
     is_compact = (count >= settings.min_points) & (extent <= settings.max_side)
@@ -112,47 +108,10 @@ def _is_consistent(count: npt.NDArray, moved: npt.NDArray, stayed: npt.NDArray, 
     return (moved > 0) & (moved >= settings.min_share * (moved + stayed)) | (stayed <= SILENCE * count)
 
 
-def _split_mixed(
-    ids: Ids, seen_from: npt.NDArray, seen: ScanPoints, ray_steps: tuple[float, float], settings: DetectSettings
-) -> Ids:
-    """Return `ids` with mixed segments split at a finer gap, if the evidence on each part is then consistent.
-
-    Two trams that pass each other closely are one segment, half of which has moved, and are split. A lorry whose ends
-    alone have left their place is mixed, too, but no finer gap separates its ends from its middle.
-    """
-    inside, n = ids >= 0, int(ids.max(initial=-1)) + 1
-    moved, stayed = (np.bincount(ids[inside & kind], minlength=n) for kind in (seen.has_moved, seen.has_stayed))
-    known = np.maximum(moved + stayed, 1)
-    is_mixed = np.minimum(moved, stayed) >= np.maximum(MIXED_SHARE * known, MIXED_POINTS)
-    rows = np.flatnonzero(inside & np.append(is_mixed, False)[ids])
-    if not len(rows):
-        return ids
-    finer = settings.segments.model_copy(update={"gap": MIXED_GAP})
-    parts = segment_points(seen_from[rows], seen.heights[rows], ray_steps, finer)
-    n_parts = int(parts.max()) + 2  # including -1, points beyond the range
-    part = _gapless(ids[rows].astype(np.int64) * n_parts + parts + 1, n * n_parts)
-    whole = np.zeros(part.max() + 1, np.int64)
-    whole[part] = ids[rows]
-    n_by_kind = np.stack([np.bincount(part, kind[rows]) for kind in (seen.has_moved, seen.has_stayed)])
-    is_resolved = np.bincount(whole, n_by_kind.max(axis=0), n) >= (1.0 - MIXED_SHARE) * known
-    is_split = is_resolved[ids[rows]]
-    split = ids.copy()
-    split[rows[is_split]] = n + part[is_split]
-    split[inside] = _gapless(split[inside], n + len(n_by_kind[0]))
-    return split
-
-
 def _describe(ids: Ids, seen: ScanPoints) -> Detections:
     """Return the boxes, counts, lift and solidity of segments 0, 1, ... of `ids`."""
     count, moved, stayed, _, lift, solid = _summarise(ids, *seen)
     return Detections.of_objects(fit_boxes(seen.points, ids, np.ones(len(count))), count, moved, stayed, lift, solid)
-
-
-def _gapless(values: npt.NDArray[np.integer], n: int) -> npt.NDArray[np.int64]:
-    """Return the rank of each of `values`, in 0..n - 1, among the distinct values."""
-    is_there = np.zeros(n, np.bool_)
-    is_there[values] = True
-    return (np.cumsum(is_there) - 1)[values]
 
 
 def _renumbered(ids: Ids, is_kept: Mask, first: int) -> tuple[Ids, int]:

@@ -23,7 +23,7 @@ from automos.odometry.followed import Posed, TimedScan
 from automos.odometry.links import MIN_MATCHED, Alignment, Consistency, Links, share_close
 from automos.odometry.missing_scans import TRIED
 from automos.odometry.motion import MIN_POINTS, usable_points
-from automos.odometry.refine import DOUBTFUL, align, first_steps, refine_poses, registered, solve_links
+from automos.odometry.refine import align, first_steps, refine_poses, registered, solve_links
 from automos.odometry.settling import elevation_in, settle
 from automos.odometry.speed import SpeedSearch
 from automos.odometry.surfels import Surfels, surfels_of
@@ -37,6 +37,8 @@ WINDOW = 20.0
 """Seconds that are refined at once at most: many times the longest baseline."""
 PATIENT = 4.0
 """Seconds from which on the speed and missing scans are found in windows, between which nobody needs a pose."""
+DOUBTFUL = 0.7
+"""Of the usual share of surfels on surfaces, below which a scan may be elsewhere."""
 
 
 class Path:
@@ -180,18 +182,15 @@ class Path:
         self.twist = se3_log(inverse(before) @ last) / self.window.gaps[-1]
 
     def _align_newest(self) -> float:
-        """Align the newest scan from its predicted pose; the second one from many, one that does not fit from points.
-
-        Before one that does not fit, scans may be missing: then it was distorted by less than this step.
-        Return the share of its surfels that lie on a surface then.
-        """
-        window, gap = self._recent(), self.window.gaps[-1]
-        found, share = self._aligned_from(window, window.T_world_sensor[-1], gap)
+        """Align the newest scan from where it may be, after as many scans; return its share of surfels on surfaces."""
+        window = self._recent()
+        tried = [self._aligned_from(window, window.T_world_sensor[-1], window.gaps[-1])]
         is_second = len(self.window) + self.window.first == 2 and not self._is_start_known
-        if is_second or share < DOUBTFUL * self._share:
-            starts, gaps = (first_steps(window), [gap]) if is_second else ([registered(window)], gap - 1.0 + TRIED)
-            others = [self._aligned_from(window, start, gap) for start in starts for gap in gaps]
-            found, share = max([(found, share), *others], key=lambda one: one[1])
+        if is_second or tried[0][1] < DOUBTFUL * self._share:
+            starts = first_steps(window) if is_second else [registered(window)]
+            gaps = window.gaps[-1:] if is_second or self._has_stamps else TRIED
+            tried += [self._aligned_from(window, start, gap) for start in starts for gap in gaps]
+        found, share = max(tried, key=lambda one: one[1])
         self._take(found)
         self._share = max(share, 0.9 * self._share)
         return share

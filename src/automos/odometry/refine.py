@@ -25,13 +25,13 @@ from automos.settings import OdometrySettings
 INFORMATION = 0.05
 """Share of a surfel's weight that counts, since errors of neighbouring surfels are correlated."""
 LOOSE = 1e-3  # prior information on every pose, which keeps scans without links in place
-DOUBTFUL = 0.7  # of the share of surfels on surfaces elsewhere, from which on poses fit
+FITTING = 0.5  # of the share of surfels on surfaces elsewhere, from which on a speed fits
 SPEED_ROUNDS = 5  # searches for the speed, at most, each from the poses of the previous one
 FIRST_STEPS = np.concatenate([s * np.vstack([np.eye(6)[:2], -np.eye(6)[:2]]) for s in (0.4, 0.8, 1.2, 1.8, 2.5)])
 """Metres along the sensor's axes."""
-WIDE = (3.0, 1.0)
-"""Metres between points that match, of a scan that does not fit: a sensor in a hand is turned within a scan by more
-than surfaces are looked for."""
+WIDE = 3.0
+"""Metres between points that match, at most: a sensor in a hand is turned within a scan by more than surfaces are
+looked for."""
 
 
 def align(
@@ -111,11 +111,14 @@ def at_likely_speed(
     """
     at_rest = window.T_world_sensor.copy()
     at_rest[n_known:, :3, 3] = at_rest[n_known - 1, :3, 3]
-    found, search = _at_likely_speed(window, settings, pool, n_known)
+    found, search = _at_likely_speed(window, settings, pool, n_known, search_speed(window, settings, pool))
     still = window.moved(at_rest)
-    other, there = _at_likely_speed(still, settings, pool, n_known)
+    first = search_speed(still, settings, pool)
+    if first.landmarks_at_rival.lead_over(search.landmarks) <= 0.0:
+        return found, search
+    other, there = _at_likely_speed(still, settings, pool, n_known, first)
     is_ahead_from_rest = other is not still and there.landmarks.explains_more_than(search.landmarks)
-    if is_ahead_from_rest and _share(other, pool) >= DOUBTFUL * _share(found, pool):
+    if is_ahead_from_rest and _share(other, pool) >= FITTING * _share(found, pool):
         return other, there
     return found, search  # at rest, rings lie on rings
 
@@ -127,9 +130,9 @@ def _share(window: Window, pool: ThreadPoolExecutor | None) -> float:
 
 
 def _at_likely_speed(
-    registered: Window, settings: OdometrySettings, pool: ThreadPoolExecutor | None, n_known: int
+    registered: Window, settings: OdometrySettings, pool: ThreadPoolExecutor | None, n_known: int, first: SpeedSearch
 ) -> tuple[Window, SpeedSearch]:
-    """Return the window at the speed to which searches lead from its poses, and the last search."""
+    """Return the window at the speed to which searches lead from its poses, the `first` given; and the last search."""
     links = Links(Alignment(), pool)
 
     def free(missing: Array) -> Array:
@@ -149,7 +152,6 @@ def _at_likely_speed(
             search = search_speed(window, settings, pool)
         return window, search
 
-    first = search_speed(registered, settings, pool)
     window, search = settled(registered, first)
     # What landmarks alone propose, from the poses as registered and from those that all surfaces have led to.
     for rival, start in ((first, registered), (search, window)):
@@ -176,8 +178,7 @@ def registered(window: Window) -> Pose:
         for T, surfels in zip(window.T_world_sensor[:-1], window.surfels[:-1], strict=True)
     ]
     newest, T = window.surfels[-1].mean.astype(np.float64), window.T_world_sensor[-1]
-    for distance in WIDE:
-        T = small_gicp.align(
-            np.concatenate(before), newest, T, registration_type="GICP", max_correspondence_distance=distance
-        ).T_target_source
-    return T
+    found = small_gicp.align(
+        np.concatenate(before), newest, T, registration_type="GICP", max_correspondence_distance=WIDE
+    )
+    return found.T_target_source

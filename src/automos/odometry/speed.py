@@ -65,10 +65,10 @@ class Landmarks(NamedTuple):
         return bool(missed > CLEARLY_MORE * np.sqrt(self.expected.sum()))
 
     def lead_over(self, other: Landmarks) -> float:
-        """Return the lead in evidence where speeds differ, in standard deviations of the counts (their roots)."""
+        """Return the lead in evidence where speeds differ, in standard deviations of the counts (Anscombe)."""
         differ = np.abs(self.speeds - other.speeds) >= OTHER_SPEED
         here, there = self._evidence(differ), other._evidence(differ)
-        return (here - there) / max(float(np.sqrt(here + there)), 1e-9)
+        return float(np.sqrt(2.0) * (np.sqrt(here + 0.375) - np.sqrt(there + 0.375)))
 
     def _evidence(self, places: Mask) -> float:
         """Return the re-observed evidence at `places`, minus the part of the expected evidence that is missing."""

@@ -36,7 +36,7 @@ class Submap(NamedTuple):
     keys: npt.NDArray[np.int64]  # (K,) open hash table of voxel keys, -1 if empty
     rows: npt.NDArray[np.int32]  # (K,) row of each key in the arrays below
     mean: Points  # (M, 3) metres
-    axes: npt.NDArray[np.float32]  # (M, 2, 3) unit normals of the surface: a plane has one, an edge two
+    axes: npt.NDArray[np.float32]  # (M, 2, 3) normals: an edge has two, a plane one and where that may turn to (rad)
     variance: npt.NDArray[np.float32]  # (M, 2) square metres along these; negative for an unused direction
 
 
@@ -93,11 +93,21 @@ def fit_surfels(
     Equation: surface
     """
     n = 7 if with_elevation else 6
-    H, g = np.zeros((n, n)), np.zeros(n)
+    H, g, noise_of_H = np.zeros((n, n)), np.zeros(n), np.zeros((n, n))
     T = np.ascontiguousarray(T_submap_surfels, np.float64)
     mean, covariance = np.ascontiguousarray(surfels.mean), np.ascontiguousarray(surfels.covariance)
-    n_matched, n_close, thickness = _fit(submap, mean, covariance, T, (kernel, noise), H, g)
-    return Fit(H, g, len(surfels), n_matched, n_close, thickness)
+    n_matched, n_close, thickness = _fit(submap, mean, covariance, T, (kernel, noise), H, g, noise_of_H)
+    return Fit(*_beyond_noise(H, g, noise_of_H), len(surfels), n_matched, n_close, thickness)
+
+
+def _beyond_noise(H: Array, g: Array, noise: Array) -> tuple[Array, Array]:
+    """Return `H` and `g` with each direction weighed down by the share of its information that is noise of normals."""
+    from scipy.linalg import eigh
+
+    # Of normals that are off by some degrees, planes seem to hold along themselves, too: where beams hit them before.
+    share, V = eigh(noise, H + (1e-9 * np.trace(H) + 1e-9) * np.eye(len(H)))  # V^T H V = 1
+    kept = H @ V * np.clip(1.0 - share, 0.0, 1.0)
+    return kept @ (H @ V).T, kept @ (V.T @ g)
 
 
 @kernel
@@ -162,8 +172,10 @@ def _shape_voxels(sums):  # type: ignore[no-untyped-def]
             if low < 0.1 * middle:  # a plane
                 eigenvector(c, low, first)
                 variance[i, 0] = low
+                eigenvector(c, middle, second)
+                turn = np.sqrt((low + NOISE * NOISE) / (row[0] * middle))
                 for k in range(3):  # assigning one array to another takes three seconds to compile
-                    axes[i, 0, k] = first[k]
+                    axes[i, 0, k], axes[i, 1, k] = first[k], turn * second[k]
         elif high > wide and middle < 0.1 * high:
             eigenvector(c, high, along)
             if abs(along[2]) > 0.8:  # an upright edge
@@ -182,45 +194,49 @@ def _rise(nx, ny, nz, p):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _fit(submap, points, covariance, T, limits, H, g):  # type: ignore[no-untyped-def]
-    """Add to the normal equations `H`, `g`; return the matched and the close surfels and the thickness, see `Fit`."""
+def _add_square(J, w, H):  # type: ignore[no-untyped-def]
+    """Add w J J^T to the lower triangle of `H`."""
+    for p in range(len(H)):
+        for q in range(p + 1):
+            H[p, q] += w * J[p] * J[q]
+
+
+@kernel
+def _fit(submap, points, covariance, T, limits, H, g, noise_of_H):  # type: ignore[no-untyped-def]
+    """Add to the normal equations and the noise of `H`; return matched and close surfels and thickness, see `Fit`."""
     keys, rows, mean, axes, variance = submap
     kernel, noise = limits
     n_matched = n_close = 0
     squares = weights = 0.0
-    inverse_voxel = 1.0 / VOXEL
-    R = T[:3, :3]
-    n = len(g)
+    inverse_voxel, R, n = 1.0 / VOXEL, T[:3, :3], len(g)
     J, a = np.empty(7), np.empty(3)
     for i in range(len(points)):
         x, y, z = moved(T, points[i])
         slot = find_slot(keys, key_at_level(x, y, z, level_of(x, y, z), inverse_voxel))
-        if keys[slot] == -1:
-            continue
         row = rows[slot]
-        if variance[row, 0] < 0.0:
+        if keys[slot] == -1 or variance[row, 0] < 0.0:
             continue
         dx, dy, dz = x - mean[row, 0], y - mean[row, 1], z - mean[row, 2]
-        worst = 0.0
+        worst = w = 0.0
         for k in range(2):
-            if variance[row, k] < 0.0:
-                break
             nx, ny, nz = float(axes[row, k, 0]), float(axes[row, k, 1]), float(axes[row, k, 2])
-            r = nx * dx + ny * dy + nz * dz
             for j in range(3):  # the direction in the surfel's frame
                 a[j] = R[0, j] * nx + R[1, j] * ny + R[2, j] * nz
-            own = variance_along(covariance[i], a)
-            robust = kernel * kernel / (kernel * kernel + r * r)
-            w = robust * robust / (variance[row, k] + own + noise * noise)
             J[0], J[1], J[2] = nx, ny, nz
             J[3], J[4], J[5] = y * nz - z * ny, z * nx - x * nz, x * ny - y * nx
             if n == 7:
                 m = mean[row]
                 J[6] = _rise(a[0], a[1], a[2], points[i]) - _rise(nx, ny, nz, m)
+            if variance[row, k] < 0.0:  # where a plane's normal may turn to
+                _add_square(J, w, noise_of_H)
+                break
+            r = nx * dx + ny * dy + nz * dz
+            own = variance_along(covariance[i], a)
+            robust = kernel * kernel / (kernel * kernel + r * r)
+            w = robust * robust / (variance[row, k] + own + noise * noise)
+            _add_square(J, w, H)
             for p in range(n):
                 g[p] += w * r * J[p]
-                for q in range(p + 1):
-                    H[p, q] += w * J[p] * J[q]
             worst = max(worst, abs(r))
             trust = 4.0 * CLOSE * CLOSE / (4.0 * CLOSE * CLOSE + r * r)  # independent of the kernel
             squares += trust * trust * r * r

@@ -1,6 +1,6 @@
 """Furnishing a road with what grows: trees, bushes, hedges, high grass. A few shapes are grown and used many times."""
 
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 
@@ -14,17 +14,17 @@ CAR = 2.4
 """Metres around the middle of a standing thing that nothing grows in."""
 
 
-@lru_cache(maxsize=8)
-def _tree_templates(seed: int) -> tuple[Mesh, ...]:
-    rng = np.random.default_rng([seed, 3])
+@cache
+def _tree_templates() -> tuple[Mesh, ...]:
+    rng = np.random.default_rng([0, 3])
     return tuple(vegetation.make_tree(rng, rng.uniform(6.0, 12.0)) for _ in range(8))
 
 
-def a_tree(site: Site, seed: int = 0, size: float = 1.0) -> Mesh:
+def a_tree(site: Site) -> Mesh:
     """Return a tree: one of a few grown shapes, turned and stretched at random."""
     rng = site.rng
-    tree = _tree_templates(seed)[int(rng.integers(8))]
-    scale = size * rng.uniform(0.8, 1.2)
+    tree = _tree_templates()[int(rng.integers(8))]
+    scale = rng.uniform(0.8, 1.2)
     return tree.scaled((scale, scale, scale * rng.uniform(0.9, 1.1))).moved(yaw=rng.uniform(0, 2 * np.pi))
 
 
@@ -34,7 +34,6 @@ def place_trees(
     offset: float,
     spacing: tuple[float, float],
     clearance: float = 0.7,
-    size: float = 1.0,
     sway: float = 0.0,
 ) -> None:
     """Plant trees along a path; with `sway` (radians) they rock in the wind."""
@@ -42,9 +41,9 @@ def place_trees(
         if not site.is_free(x, y, CAR):
             continue
         if sway > 0:
-            site.sway(a_tree(site, size=size), x, y, sway)
+            site.sway(a_tree(site), x, y, sway)
         else:
-            site.add(a_tree(site, size=size), x, y)
+            site.add(a_tree(site), x, y)
 
 
 def scatter_bushes(

@@ -83,7 +83,6 @@ def fill_lane(
     speed: float,
     spacing: tuple[float, float],
     start: float = 25.0,
-    end: float = np.inf,
     heavy: float = 0.12,
     spread: float = 0.12,
     initial: float = np.inf,
@@ -91,7 +90,7 @@ def fill_lane(
     """Put vehicles on a lane at random spacings (metres, bumper to bumper)."""
     rng = site.rng
     s = start + rng.uniform(0.0, spacing[1])
-    while s < min(end, path.length - 15.0):
+    while s < path.length - 15.0:
         parts, gaps = a_vehicle(rng, heavy)
         wish = speed * float(np.clip(rng.normal(1.0, spread), 0.7, 1.35))
         agent = Agent(parts, path, s, wish, initial=min(wish, speed, initial), gaps=gaps, headway=rng.uniform(1.0, 1.6))
@@ -117,7 +116,6 @@ def add_walkers(
     n: int,
     spread: float,
     speed: tuple[float, float] = (0.9, 1.6),
-    both_ways: bool = True,
     parties: Mapping[int, float] = PAIRS,
 ) -> None:
     """Let `n` parties of people walk along a path, up to `spread` metres to either side of it, three abreast."""
@@ -125,7 +123,7 @@ def add_walkers(
     templates = _walker_templates(0)
     back = path.reversed()
     for _ in range(n):
-        line = back if both_ways and rng.random() < 0.5 else path
+        line = back if rng.random() < 0.5 else path
         s, offset, pace = (
             rng.uniform(1.0, max(path.length - 5.0, 2.0)),
             rng.uniform(-spread, spread),

@@ -12,11 +12,11 @@ from automos.simulation.world import Site
 
 
 def along(
-    site: Site, path: Path, offset: float, spacing: tuple[float, float], clearance: float, start: float = 0.0
+    site: Site, path: Path, offset: float, spacing: tuple[float, float], clearance: float
 ) -> list[tuple[float, float, float]]:
     """Return (x, y, heading) of places `offset` metres left of `path`, at random `spacing`, clear of carriageways."""
     places = []
-    s = start + site.rng.uniform(0.0, spacing[1])
+    s = site.rng.uniform(0.0, spacing[1])
     while s < path.length:
         (x, y), heading = path.at(s, offset)
         if site.terrain.road_distance(np.array([[x, y]]))[0] > clearance:
@@ -110,7 +110,6 @@ def park_row(
     fill: float,
     crosswise: bool = False,
     start: float = 0.0,
-    end: float = np.inf,
     vans: float = 0.08,
 ) -> None:
     """Park cars, and `vans` of them vans, `offset` metres left of a path, taking the share `fill` of the places."""
@@ -118,7 +117,7 @@ def park_row(
     pitch = 2.6 if crosswise else 6.2
     s = start + rng.uniform(1.0, 4.0)
     side = np.sign(offset) or 1.0
-    while s < min(end, path.length - 3.0):
+    while s < path.length - 3.0:
         (x, y), heading = path.at(s, offset + rng.normal(0.0, 0.08))
         (ax, ay), _ = path.at([s - 4.5, s + 4.5], offset)
         distances = site.terrain.road_distance(np.array([(ax[0], ax[1]), (ay[0], ay[1]), (x, y)]))

@@ -108,12 +108,12 @@ class Terrain:
         rise = np.clip((distance + 0.5 * KERB_RAMP) / KERB_RAMP, 0.0, 1.0)
         return self.base(xy) + CROWN * np.clip(-distance, 0.0, 4.0) + self.kerb * rise
 
-    def mesh(self, reach: float, keep: npt.NDArray | None = None) -> Mesh:
-        """Return the ground within `reach` metres of the roads, or of the points `keep` (K, 2) where given."""
+    def mesh(self, reach: float) -> Mesh:
+        """Return the ground within `reach` metres of the roads."""
         from scipy.spatial import Delaunay
 
         rng = np.random.default_rng([self.seed, 77])
-        xy = self._vertices(reach, keep, rng)
+        xy = self._vertices(reach, rng)
         distance = self.road_distance(xy)
         wild = np.clip((distance - self._walk) / 2.0, 0.0, 1.0)
         z = self.height(xy, distance) + rng.normal(0.0, 1.0, len(xy)) * (0.005 + self.roughness * wild)
@@ -130,10 +130,10 @@ class Terrain:
     def _walk(self) -> float:
         return max((road.sidewalk for road in self.roads), default=0.0)
 
-    def _vertices(self, reach: float, keep: npt.NDArray | None, rng: np.random.Generator) -> Array:
+    def _vertices(self, reach: float, rng: np.random.Generator) -> Array:
         from scipy.spatial import cKDTree
 
-        centers = np.concatenate([road.center.xy[::4] for road in self.roads]) if keep is None else keep
+        centers = np.concatenate([road.center.xy[::4] for road in self.roads])
         tree = cKDTree(centers)
         low, high = centers.min(axis=0) - reach, centers.max(axis=0) + reach
         parts = [self._edges()]

@@ -104,11 +104,11 @@ class Site:
         """Put scenery on the ground (or at height `z`) at a place."""
         self._scenery.append(mesh.moved(x, y, self.height(x, y) if z is None else z, yaw))
 
-    def sway(self, mesh: Mesh, x: float, y: float, amplitude: float, yaw: float = 0.0) -> None:
+    def sway(self, mesh: Mesh, x: float, y: float, amplitude: float) -> None:
         """Put foliage on the ground that rocks in the wind by `amplitude` radians."""
         foot = (x, y, self.height(x, y))
         period, phase = self.rng.uniform(1.5, 4.0), self.rng.uniform(0, 2 * np.pi)
-        self._swaying.append(Sway(mesh.moved(yaw=yaw), foot, amplitude, period, phase))
+        self._swaying.append(Sway(mesh, foot, amplitude, period, phase))
 
     def park(self, thing: Thing, x: float, y: float, yaw: float) -> None:
         """Put an object on the ground that never moves."""

@@ -40,8 +40,7 @@ class Check:
     Attributes
     ----------
     place, name, what : where it is, what its results will be called, and what kind it is.
-    scans, points : how many it has, and a usual scan has.
-    fields : what the points have beside coordinates.
+    scans, points, fields : how many it has, and a usual scan has; what these have beside coordinates.
     beams, elevations, azimuths : how many beams the LiDAR has (None: no fixed ones), from and to which degrees they
         look, and how many degrees around.
     sensor : a LiDAR that has such beams; empty where none is known.

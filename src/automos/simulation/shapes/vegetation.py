@@ -7,13 +7,13 @@ from automos.simulation.shapes.materials import Material
 from automos.simulation.shapes.mesh import Mesh, ball, from_faces, join, rod
 
 
-def leaves(centers: Array, size: float, rng: np.random.Generator, tint: float = 1.0) -> Mesh:
+def leaves(centers: Array, size: float, rng: np.random.Generator) -> Mesh:
     """Return one triangle of about `size` metres, turned at random, at each of `centers` (N, 3)."""
     corners = centers[:, None, :] + rng.normal(0.0, 0.5 * size, (len(centers), 3, 3))
     corners[..., 2] = np.maximum(corners[..., 2], 0.02)
     faces = np.arange(3 * len(centers)).reshape(-1, 3)
-    mesh = from_faces(corners.reshape(-1, 3), faces, Material.LEAVES, tint)
-    tints = (tint * rng.uniform(0.5, 1.5, len(centers))).astype(np.float32)
+    mesh = from_faces(corners.reshape(-1, 3), faces, Material.LEAVES)
+    tints = rng.uniform(0.5, 1.5, len(centers)).astype(np.float32)
     return Mesh(mesh.vertices, mesh.faces, mesh.material, tints)
 
 
@@ -25,8 +25,8 @@ def _in_ellipsoid(n: int, radii: Array, rng: np.random.Generator, hollow: float)
     return direction * depth[:, None] * radii
 
 
-def make_tree(rng: np.random.Generator, height: float, leafy: float = 1.0) -> Mesh:
-    """Return a deciduous tree: trunk, branches, and a canopy of several lumps. `leafy` scales the number of leaves."""
+def make_tree(rng: np.random.Generator, height: float) -> Mesh:
+    """Return a deciduous tree: trunk, branches, and a canopy of several lumps."""
     trunk_height = height * rng.uniform(0.24, 0.36)
     radius = 0.012 * height + rng.uniform(0.03, 0.10)
     lean = rng.normal(0.0, 0.02, 2) * height
@@ -45,7 +45,7 @@ def make_tree(rng: np.random.Generator, height: float, leafy: float = 1.0) -> Me
         parts.append(rod(foot, tip, 0.35 * radius, Material.BARK, end_radius=0.1 * radius, sections=5))
         lump = spread * rng.uniform(0.45, 0.7)
         radii = np.array([lump, lump, 0.8 * lump])
-        n = int(leafy * 13.0 * 4.2 * lump**3 / 0.35)
+        n = int(13.0 * 4.2 * lump**3 / 0.35)
         parts.append(leaves(tip + _in_ellipsoid(min(max(n, 40), 420), radii, rng, 0.5), 0.32, rng))
     return join(parts)
 
