@@ -1,6 +1,8 @@
 """Bags in several files: the parts of one drive are one recording, and two drives remain two."""
 
 import pickle
+import sqlite3
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -138,3 +140,13 @@ def test_the_folder_of_a_split_bag_of_ros_2_is_one_whatever_its_metadata_say_of_
     (bag / "metadata.yaml").write_text("no yaml: [")
     sequence = open_sequence(bag)
     assert (which(sequence), sequence.warnings, sequence.name) == (list(range(1, 10)), [], "drive")
+
+
+def test_several_databases_that_are_no_bags_are_each_told(tmp_path):
+    for name in ("log_0.db3", "log_1.db3"):
+        with closing(sqlite3.connect(tmp_path / name)) as database:
+            database.execute("CREATE TABLE messages (id INTEGER)")
+            database.commit()
+    assert [path.name for path in find_recordings(tmp_path)] == ["log_0.db3", "log_1.db3"]
+    with pytest.raises(InputError, match=r"log_0.db3 cannot be read as a ROS bag \(no such table: topics\)"):
+        open_recordings(tmp_path)

@@ -5,6 +5,7 @@ ends, with the same topics.
 """
 
 import importlib
+import sqlite3
 from pathlib import Path
 
 import numpy as np
@@ -107,7 +108,7 @@ def _topics_and_times(file: Path) -> tuple:
         bag = Bag(file)
         topics = tuple(topic for topic in bag.topics if is_of_points(topic))
         recorded = np.concatenate([np.zeros(0, np.int64), *(bag.index(topic)[:, 0] for topic in topics)])
-    except AutomosError:
+    except (AutomosError, sqlite3.Error):
         return ()
     return (topics, int(recorded.min()), int(recorded.max())) if len(recorded) else ()
 

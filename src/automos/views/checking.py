@@ -228,10 +228,8 @@ def _sensor_like(found: Check) -> Sensor | None:
 def _look_beside(sequence: Sequence, found: Check) -> None:
     """Note the clock, what comes with the recording, and what will be assumed."""
     stamps, repeats, about = sequence.stamps, sequence.repeats, sequence.about
-    found.frame, found.clock = (
-        about.get("frame", ""),
-        "" if stamps is None else about.get("times", "the recording itself"),
-    )
+    found.frame = about.get("frame", "")
+    found.clock = "" if stamps is None else about.get("times", "the recording itself")
     found.copies = 0 if repeats is None else int(repeats.sum())
     if stamps is not None and len(stamps) > 1:
         steps = np.diff(stamps)
