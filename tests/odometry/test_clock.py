@@ -3,7 +3,7 @@ import pytest
 
 from automos.core.array_sequence import ArraySequence
 from automos.core.errors import InputError
-from automos.odometry.clock import read_clock
+from automos.odometry.clock import LONGEST_GAP, RunningClock, read_clock
 
 POINT = np.ones((1, 3), np.float32)
 
@@ -53,6 +53,14 @@ def test_a_gap_is_measured_by_the_usual_step_of_few_scans():
     clock = read_clock(ArraySequence([np.zeros((1, 3))] * 3, stamps=[0.0, 0.1, 0.6]))
     assert clock.period == pytest.approx(0.1)
     np.testing.assert_allclose(clock.gaps, [1.0, 5.0])
+
+
+def test_a_pause_counts_for_some_seconds_at_most_whoever_waits_for_the_end():
+    stamps = [0.0, 0.1, 0.2, 1e9, 1e9 + 0.1]
+    running = RunningClock()
+    gaps = [running.tick(stamp)[1] for stamp in stamps][1:]
+    np.testing.assert_allclose(gaps, clock_of(stamps).gaps, rtol=0.01)
+    assert gaps[2] == pytest.approx(LONGEST_GAP / 0.1)
 
 
 @pytest.mark.parametrize(

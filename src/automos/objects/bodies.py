@@ -16,7 +16,6 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from automos.core.scan import Mask
 from automos.objects.association import assign
@@ -160,14 +159,14 @@ def links_in_time(tracks: Tracks, is_moving: Mask, is_whole: Mask, evidence: Arr
 def _followed(tracks: Tracks, first: Rows, last: Rows, times: Array) -> tuple[Rows, Rows, Rows]:
     """Return pairs of tracks (P,), the second of which begins near the end of the first, and the last rows of that."""
     end, begin = times[tracks.scan[last]], times[tracks.scan[first]]
+    in_time = np.argsort(begin, kind="stable")
+    low, high = (np.searchsorted(begin[in_time], t, side="right") for t in (end, end + LONGEST))
+    a = np.repeat(np.arange(len(last)), high - low)
+    b = in_time[np.arange(len(a)) - np.repeat(np.cumsum(high - low) - high, high - low)]
     speed = np.hypot(*tracks.velocity[last, :2].T)
     reach = LONGEST * speed + REACH * (NOISE + ACCELERATION * LONGEST)
-    near = cKDTree(tracks.center[first, :2]).query_ball_point(tracks.center[last, :2], reach)
-    a = np.repeat(np.arange(len(last)), [len(found) for found in near])
-    b = np.concatenate([np.zeros(0, np.int64), *(np.asarray(found, np.int64) for found in near)])
-    gap = begin[b] - end[a]
-    possible = (gap > 0.0) & (gap <= LONGEST)
-    return a[possible], b[possible], last[a[possible]]
+    is_near = np.linalg.norm(tracks.center[first[b], :2] - tracks.center[last[a], :2], axis=1) <= reach[a]
+    return a[is_near], b[is_near], last[a[is_near]]
 
 
 def _overlapping(tracks: Tracks, first: Rows, last: Rows) -> tuple[Rows, Rows, Rows]:

@@ -62,7 +62,7 @@ class RunningClock:
         if passed > 0.0:  # otherwise out of order
             usual = self.period if self._steps else passed
             self._steps.append(passed)
-            gap = passed / usual if passed > 1.5 * usual else 1.0
+            gap = min(passed, max(LONGEST_GAP, usual)) / usual if passed > 1.5 * usual else 1.0
         return self.stamp, gap
 
 
