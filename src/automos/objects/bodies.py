@@ -149,11 +149,22 @@ def links_in_time(tracks: Tracks, is_moving: Mask, is_whole: Mask, evidence: Arr
     bounds = np.append(first, len(t))
     score += _log_moved(evidence, t, bounds, last)[a] + _log_moved(evidence, t, bounds, first)[b]
     a, b, score = a[score > 0.0], b[score > 0.0], score[score > 0.0]
-    ends, beginnings = np.unique(a), np.unique(b)
-    cost = np.full((len(ends), len(beginnings)), np.inf)
-    np.minimum.at(cost, (np.searchsorted(ends, a), np.searchsorted(beginnings, b)), -score)
-    rows, columns = assign(cost)
-    return ends[rows], beginnings[columns]
+    return _one_each(a, b, score, len(first))
+
+
+def _one_each(a: Rows, b: Rows, score: Array, n: int) -> tuple[Rows, Rows]:
+    """Return those of the pairs (P,) of `n` tracks, one of each `a` and `b` at most, that have the greatest score."""
+    _, group = connected_components(coo_array((np.ones(len(a)), (a, n + b)), shape=(2 * n, 2 * n)), directed=False)
+    order = np.argsort(group[a], kind="stable")
+    chosen: list[tuple[Rows, Rows]] = [(np.zeros(0, np.int64),) * 2]
+    for rows in np.split(order, np.flatnonzero(np.diff(group[a][order])) + 1):
+        ends, beginnings = np.unique(a[rows]), np.unique(b[rows])
+        cost = np.full((len(ends), len(beginnings)), np.inf)
+        np.minimum.at(cost, (np.searchsorted(ends, a[rows]), np.searchsorted(beginnings, b[rows])), -score[rows])
+        i, j = assign(cost)
+        chosen.append((ends[i], beginnings[j]))
+    ends, beginnings = (np.concatenate(column) for column in zip(*chosen, strict=True))
+    return ends, beginnings
 
 
 def _followed(tracks: Tracks, first: Rows, last: Rows, times: Array) -> tuple[Rows, Rows, Rows]:
