@@ -145,6 +145,7 @@ def _odometry(points: np.ndarray) -> None:
         laid = make_submap([surfels, surfels], np.stack([np.eye(4), T]))
         fit_surfels(laid, surfels, T, 0.2, with_elevation=True)
         submap._rise(0.6, 0.0, 0.8, points[0])  # of surfels on a surface, which these are not
+        submap._add_square(points[0].astype(float), 1.0, np.zeros((3, 3)))
         distances = np.resize(points, 5).astype(float)
         constrains, path = np.ones(len(laid.mean)), (np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
         facing._score(
