@@ -104,6 +104,8 @@ def _beyond_noise(H: Array, g: Array, noise: Array) -> tuple[Array, Array]:
     """Return `H` and `g` with each direction weighed down by the share of its information that is noise of normals."""
     from scipy.linalg import eigh
 
+    if not np.isfinite(H + noise).all():  # of points beyond any sensor's range
+        return H, g
     # Of normals that are off by some degrees, planes seem to hold along themselves, too: where beams hit them before.
     share, V = eigh(noise, H + (1e-9 * np.trace(H) + 1e-9) * np.eye(len(H)))  # V^T H V = 1
     kept = H @ V * np.clip(1.0 - share, 0.0, 1.0)
