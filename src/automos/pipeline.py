@@ -72,10 +72,6 @@ class Found:
         """Return (M,) the moving track of each point of scan `index`, a row in `verdicts`; -1 for none."""
         return self.stage.load(self.names[index], "track")["track"]
 
-    def n_body(self, index: int) -> int:
-        """Return how many points of scan `index` are on the ego body (vehicle, operator); they have label 0."""
-        return int(self.stage.load(self.names[index], "n_body")["n_body"])
-
     def confidence(self, index: int) -> npt.NDArray[np.float32]:
         """Return (M,) the probability that each label of scan `index` is right; 0 where it was not evaluated."""
         return as_probability(self.stage.load(self.names[index], "confidence")["confidence"])

@@ -103,7 +103,7 @@ def cut_where_two(tracks: Tracks, is_moving: Mask, evidence: Array, times: Array
     Equation: link
     """
     seen, t = observed(tracks), times[tracks.scan[tracks.is_observed]]
-    first = np.flatnonzero((np.diff(seen.track, prepend=-1) > 0) | (np.diff(seen.scan, prepend=-2) > 1))
+    first = seen.first_of_sights()
     bounds = np.append(first, len(t))
     position, velocity, _ = smooth_paths(bounds, t, seen.center)
     seen = replace(seen, center=position, velocity=velocity)

@@ -14,7 +14,7 @@ from automos.core.scan import OBJECT, Mask
 from automos.objects.bodies import cut_where_two, joined, links_in_time, parts_of_bodies
 from automos.objects.detections import Detections
 from automos.objects.extents import Scans, whole_boxes
-from automos.objects.judge import is_scenery, judge_tracks, moving_now, segment_terms
+from automos.objects.judge import SegmentTerms, is_scenery, judge_tracks, moving_now, segment_terms
 from automos.objects.object_points import tracks_of_points
 from automos.objects.paper.verdict import judge_by_trajectory, with_speed_as_state
 from automos.objects.places import Places, count_places, held_places, touched_columns
@@ -75,8 +75,9 @@ def follow_and_judge(scans: Scans, settings: Settings, workers: int) -> TrackedO
     if not can_follow(stamps):
         detections = [of_scan[np.zeros(0, np.int64)] for of_scan in detections]
     tracks = track_objects(zip(stamps, detections, strict=True), tracking)
-    tracks, parts = _bodies(scans, tracks, detections, workers)
-    verdicts = judge_tracks(tracks, [segment_terms(found) for found in detections], stamps)
+    terms = [segment_terms(found) for found in detections]
+    tracks, parts = _bodies(scans, tracks, detections, terms, workers)
+    verdicts = judge_tracks(tracks, terms, stamps)
     kept = ~is_scenery(tracks, verdicts, detections)
     least_time = min(MIN_TIME, 0.5 * np.ptp(stamps)) if len(stamps) else 0.0
     is_scrap = verdicts.is_moving & is_small(parts, len(tracks), detections, stamps, MIN_POINTS, least_time)
@@ -104,19 +105,20 @@ def is_small(
     parts : all segments of the tracks, sorted by track, then scan.
     """
     n_points = np.nan_to_num(of_rows(parts, [found.n_points for found in detections]))
-    sight = np.cumsum((np.diff(parts.track, prepend=-1) != 0) | (np.diff(parts.scan, prepend=-1) > 1)) - 1
-    first = np.flatnonzero(np.diff(sight, prepend=-1))
-    last = np.append(first[1:], len(sight))[: len(first)] - 1
+    first = parts.first_of_sights()
+    last = np.append(first[1:], len(parts.track))[: len(first)] - 1
+    sight = np.repeat(np.arange(len(first)), last + 1 - first)
     time = stamps[parts.scan[last]] - stamps[parts.scan[first]]
     is_enough = (np.bincount(sight, n_points, len(first)) >= least_points) & (time >= least_time)
     return ~np.isin(np.arange(n), parts.track[first[is_enough]])
 
 
-def _bodies(scans: Scans, tracks: Tracks, detections: Sequence[Detections], workers: int) -> tuple[Tracks, Tracks]:
+def _bodies(
+    scans: Scans, tracks: Tracks, detections: Sequence[Detections], terms: Sequence[SegmentTerms], workers: int
+) -> tuple[Tracks, Tracks]:
     """Return the rows of bodies, of the tracklets `tracks` that are one thing, and those of all their parts."""
-    stamps, terms = scans.frames.stamps, [segment_terms(found) for found in detections]
+    stamps, evidence = scans.frames.stamps, [of_scan.evidence for of_scan in terms]
     is_moving = judge_tracks(tracks, terms, stamps).is_moving
-    evidence = [of_scan.evidence for of_scan in terms]
     tracks = cut_where_two(tracks, is_moving, of_rows(tracks, evidence), stamps)
     is_moving = judge_tracks(tracks, terms, stamps).is_moving
     tracks = _with_whole_boxes(scans, tracks, observed(tracks), is_moving, detections, workers)

@@ -77,6 +77,10 @@ class Tracks(ColumnData):
         """Return (T,) the first row of each track."""
         return np.searchsorted(self.track, np.arange(len(self)))
 
+    def first_of_sights(self) -> npt.NDArray[np.int64]:
+        """Return (S,) the first row of each sight: the rows of a track in scans without a break between them."""
+        return np.flatnonzero((np.diff(self.track, prepend=-1) != 0) | (np.diff(self.scan, prepend=-1) > 1))
+
     def rows_of(self, track: int) -> slice:
         """Return the rows of one track."""
         return slice(int(np.searchsorted(self.track, track)), int(np.searchsorted(self.track, track, side="right")))
