@@ -164,6 +164,15 @@ def test_transforms_from_the_map_by_the_odometry_to_the_lidar_are_put_together(t
     assert_sensors_own(sequence, log)
 
 
+def test_odometry_of_a_vehicle_goes_on_to_the_lidar_that_is_mounted_on_it(tmp_path):
+    log, T_body_lidar = street_log(), pose(0.0, 1.0, 0.0, 1.6)
+    with Bag(tmp_path / "log.mcap", log) as bag:
+        bag.clouds("/cloud_registered", "camera_init", in_place(log))
+        bag.poses("/Odometry", "camera_init", in_place(log) @ np.linalg.inv(T_body_lidar))
+        bag.transforms([("body", "velodyne", np.broadcast_to(T_body_lidar, (len(log.scans), 4, 4)))], "/tf_static")
+    assert_sensors_own(open_sequence(tmp_path / "log.mcap"), log)
+
+
 def test_without_poses_they_are_refused_and_the_message_says_why(tmp_path):
     log = street_log()
     with Bag(tmp_path / "log.bag", log) as bag:

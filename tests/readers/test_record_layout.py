@@ -123,6 +123,15 @@ def test_a_file_that_was_cut_is_told_by_name_though_other_columns_would_fit(tmp_
         open_sequence(folder)
 
 
+@pytest.mark.parametrize("flag", [lambda c: c["x"] > 3.0, lambda c: np.where(c["x"] > 3.0, -0.0, 0.0)])
+def test_a_flag_is_no_time(tmp_path, scans, flag):
+    flagged = [{**columns, "none": flag(columns)} for columns in scans]
+    folder = write(tmp_path / "log", plain(names=("x", "y", "z", "intensity", "none")), flagged)
+    sequence = open_sequence(folder)
+    assert any("--columns x,y,z,intensity,_." in words for words in sequence.warnings)
+    assert all(scan.time is None for scan in sequence)
+
+
 def test_numbers_of_no_structure_are_refused_with_how_to_say_the_columns(tmp_path):
     folder = tmp_path / "log"
     folder.mkdir()

@@ -12,6 +12,7 @@ import pytest
 from bags import CODES, cloud, write_bag
 from street_log import street_log
 
+from automos.core.errors import InputError
 from automos.readers import open_sequence
 from automos.views.checking import check
 
@@ -121,6 +122,31 @@ def test_clouds_of_drivers(tmp_path, drive, name, big_endian):
     sequence = open_sequence(path)
     assert_same(sequence, whole if name == "intensity of a byte" else drive)
     np.testing.assert_allclose(sequence.stamps, [scan.stamp for scan in drive], atol=1e-6)
+
+
+@pytest.mark.parametrize(("per_metre", "unit"), [(100, "centimetres"), (1000, "millimetres")])
+def test_clouds_of_whole_numbers_are_in_another_unit_than_metres(tmp_path, per_metre, unit):
+    log, messages = street_log(), []
+    for scan in log.scans[:6]:
+        columns = {axis: np.round(per_metre * scan.points[:, k]).astype("i4") for k, axis in enumerate("xyz")}
+        messages.append((round(1e9 * float(scan.stamp)), float(scan.stamp), cloud(columns)))
+    sequence = open_sequence(write_bag(tmp_path / "log.mcap", {"/points": messages}))
+    assert any(f"taken for {unit}" in words for words in sequence.warnings)
+    for got, true in zip(sequence, log.scans, strict=False):
+        np.testing.assert_allclose(got.points, true.points, atol=0.51 / per_metre)
+
+
+def test_two_lidars_that_share_a_topic_are_refused(tmp_path, drive):
+    messages = [(round(1e9 * s.stamp) + k, s.stamp, cloud(DRIVERS["velodyne"](s))) for s in drive for k in range(2)]
+    front = write_bag(tmp_path / "one.bag", {"/points": messages}, frames={"/points": "front"})
+    assert len(open_sequence(front)) == 2 * len(drive)
+    raw = front.read_bytes().split(b"front")
+    mixed = b"".join(part + (b"right" if k % 2 else b"front") for k, part in enumerate(raw[:-1])) + raw[-1]
+    (tmp_path / "two.bag").write_bytes(mixed)
+    with pytest.raises(
+        InputError, match=r"several LiDARs, in the frames front, right, one after the other; record each"
+    ):
+        open_sequence(tmp_path / "two.bag")
 
 
 def with_fields(parts, *more):
@@ -260,8 +286,44 @@ TEXTS = {
     "a spreadsheet": ("\ufeffsep=,\nx,y,z,intensity,ring", "{0},{1},{2},{3:.4f},{4}"),
     "other order": ("ring,intensity,z,y,x", "{4},{3:.4f},{2},{1},{0}"),
     "numbers of rows": (",x,y,z,intensity,ring", "7,{0},{1},{2},{3:.4f},{4}"),
+    "the lidar's own": ("lidar.x,lidar.y,lidar.z,intensity,ring", "{0},{1},{2},{3:.4f},{4}"),
+    "numbers in quotes": ('"x","y","z","intensity","ring"', '"{0}","{1}","{2}","{3:.4f}","{4}"'),
     "exponents": ("x y z intensity ring", "{0:.7e} {1:+.7E} {2:.7e} {3:.4f} {4}"),
 }
+
+
+@pytest.mark.parametrize("divider", [";", "\t"])
+def test_decimals_may_have_commas_where_something_else_divides_the_columns(tmp_path, drive, divider):
+    for k, scan in enumerate(drive):
+        rows = text_rows(scan, divider.join(["{0:.5f}", "{1:.5f}", "{2:.5f}", "{3:.5f}", "{4}"]))
+        text = divider.join(["X [m]", "Y [m]", "Z [m]", "Intensity", "Ring"]) + "\n" + rows.replace(".", ",")
+        (tmp_path / f"{k:06d}.csv").write_text(text)
+    assert_same(open_sequence(tmp_path), drive, has=("intensity", "ring"), atol=2e-5)
+
+
+def test_decimals_may_have_commas_in_quotes(tmp_path, drive):
+    for k, scan in enumerate(drive):
+        rows = text_rows(scan, '"{0:.5f}","{1:.5f}","{2:.5f}",{4}').replace(".", ",")
+        (tmp_path / f"{k:06d}.csv").write_text(f"x,y,z,ring\n{rows}\n")
+    assert_same(open_sequence(tmp_path), drive, has=("ring",), atol=2e-5)
+
+
+REFUSED = {
+    "X (ft),Y (ft),Z (ft)|{0},{1},{2}": r"other unit than metres \(X \(ft\)\); export it again in metres",
+    "x [in],y [in],z [in]|{0},{1},{2}": r"other unit than metres \(x \[in\]\)",
+    "east,north,up|{0},{1},{2}": r"no column x, y, z; its columns are: east, north, up; call .* --columns",
+    "|7,{0},{1},{2}": "does not name its columns, and one of the first three counts; name them with --columns",
+}
+
+
+@pytest.mark.parametrize("told", REFUSED)
+def test_tables_whose_coordinates_are_not_clear_are_refused(tmp_path, drive, told):
+    names, _, row = told.partition("|")
+    for k, scan in enumerate(drive):
+        rows = [*([names] if names else []), *[text_rows(scan, row)] * 2]
+        (tmp_path / f"{k:06d}.csv").write_text("\n".join(rows))
+    with pytest.raises(InputError, match=REFUSED[told]):
+        list(open_sequence(tmp_path))
 
 
 def structured(scan, order="<"):
@@ -348,4 +410,11 @@ def test_a_split_bag_is_one_drive_whatever_its_parts_are_called(tmp_path, drive)
     messages = [(round(1e9 * s.stamp), s.stamp, cloud(DRIVERS["velodyne"](s))) for s in drive]
     for k, name in enumerate(("drive_2024-01-01_0.bag", "drive_2024-01-01_1.bag", "a_last_part.bag")):
         write_bag(tmp_path / name, {"/points": messages[2 * k : 2 * k + 2]})
+    assert_same(open_sequence(tmp_path), drive)
+
+
+def test_a_split_bag_is_one_drive_though_each_part_has_a_folder(tmp_path, drive):
+    messages = [(round(1e9 * s.stamp), s.stamp, cloud(DRIVERS["velodyne"](s))) for s in drive]
+    for k in range(3):
+        write_bag(tmp_path / f"part_{k}", {"/points": messages[2 * k : 2 * k + 2]})
     assert_same(open_sequence(tmp_path), drive)

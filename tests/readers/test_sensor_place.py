@@ -97,6 +97,29 @@ def test_clouds_of_a_map_without_poses_are_refused_with_where_the_sensor_seems_t
     assert np.linalg.norm(T[:, :2, 3] - [x, y], axis=1).min() < 5.0
 
 
+@pytest.mark.parametrize("n_before", [2, N])
+@pytest.mark.parametrize("where", ["far", "start"])
+def test_clouds_that_hold_those_before_them_are_no_scans(tmp_path, scans, where, n_before):
+    T = FRAMES[where] @ np.array(DRIVE)
+    in_map = [moved(*both) for both in zip(scans, T, strict=True)]
+    together = [
+        {name: np.concatenate([one[name] for one in in_map[max(i - n_before, 0) : i + 1]]) for name in in_map[0]}
+        for i in range(N)
+    ]
+    write_kitti(write(tmp_path, together) / "poses.txt", T)  # which take back no such cloud
+    with pytest.raises(
+        InputError, match=r"points of those before them, a map that grows .*give its scans as they were"
+    ):
+        open_sequence(tmp_path)
+
+
+def test_poses_that_cannot_be_used_are_named_where_clouds_are_refused(tmp_path, scans):
+    T = FRAMES["far"] @ np.array(DRIVE)
+    write_kitti(write(tmp_path, [moved(*both) for both in zip(scans, T, strict=True)]) / "poses.txt", T[:-1])
+    with pytest.raises(InputError, match=r"frame of a map .*\(.*poses.txt holds 5 poses for 6 scans"):
+        open_sequence(tmp_path)
+
+
 def test_the_place_found_is_that_of_the_sensor(scans):
     T = FRAMES["near"]
     spacing = Spacing(points_of(moved(scans[0], T)))

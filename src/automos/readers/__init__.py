@@ -181,7 +181,8 @@ def _others(path: Path, found: list[_Found], format: str | None) -> list[_Found]
     for p in sorted(path.iterdir(), key=lambda p: natural_key(p.name)):
         if p not in recordings and not p.name.startswith("."):
             others += _others(p, found, format) if p in inside else _beside(p, format)
-    return others
+    in_parts = [one.reader for one in found if one.path.name.endswith("+")]  # of which `others` may be further ones
+    return [one for one in others if one.path.parent != path or one.reader not in in_parts]
 
 
 def _beside(path: Path, format: str | None) -> list[_Found]:

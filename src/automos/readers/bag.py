@@ -6,6 +6,8 @@ ends, with the same topics.
 
 import importlib
 import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +17,7 @@ from automos.core.errors import AutomosError, InputError
 from automos.core.reading import damage_reported, is_there, parse_yaml, read_text, require_regular
 from automos.readers.bag_file import LARGEST, ZSTD, BagFile, Topic, unpack
 from automos.readers.bag_messages import is_of_points
+from automos.readers.foreign import limited
 
 _SUFFIXES = (".bag", ".bag.active", ".mcap", ".db3")
 _KINDS = {
@@ -35,8 +38,7 @@ def is_named_so(path: Path) -> bool:
 def is_bag(path: Path) -> bool:
     """Return whether `path` is a bag: a file of one of its kinds, such a file and what goes on from it, or a folder."""
     if path.name.endswith("+"):
-        path = path.with_name(path.name[:-1])
-        return path.is_file() and is_named_so(path)
+        return is_bag(path.with_name(path.name[:-1]))
     if path.is_dir():
         return (path / "metadata.yaml").exists() and any(is_named_so(p) or is_packed(p) for p in path.iterdir())
     return is_named_so(path) and path.is_file()
@@ -70,7 +72,7 @@ def files_of(bag: Path) -> list[Path]:
     """
     if bag.name.endswith("+"):
         first = bag.with_name(bag.name[:-1])
-        return next(drive for drive in drives_of(first.parent) if first in drive)
+        return [file for part in next(d for d in drives_of(first.parent) if first in d) for file in files_of(part)]
     if not bag.is_dir():
         return [bag]
     files = sorted(file for file in bag.iterdir() if not file.is_dir())
@@ -84,8 +86,8 @@ def files_of(bag: Path) -> list[Path]:
 
 
 def drives_of(folder: Path) -> list[list[Path]]:
-    """Return the bags among the files of `folder`, those of a drive together, in the order of time."""
-    files = sorted(p for p in folder.iterdir() if not p.name.startswith(".") and not p.is_dir() and is_bag(p))
+    """Return the bags in `folder`, files and ROS 2's folders, those of a drive together, in the order of time."""
+    files = sorted(p for p in folder.iterdir() if not p.name.startswith(".") and is_bag(p))
     if len(files) < 2:
         return [[file] for file in files]
     told = {file: _topics_and_times(file) for file in files}
@@ -192,3 +194,19 @@ class Bag:
             return sum(e["message_count"] for e in entries if e["topic_metadata"]["name"] == topic.name)
         except (OSError, ValueError, LookupError, TypeError):  # nothing else depends on it
             return 0
+
+
+@contextmanager
+def reported(bag: Path) -> Iterator[None]:
+    """Turn whatever a reader of bags stumbles over into one sentence: damaged files break it in many ways."""
+    try:
+        with limited(bag):
+            yield
+    except AutomosError:
+        raise
+    except Exception as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(
+            f"{bag} cannot be read as a ROS bag ({reason}); it may be cut short: copy it again, or repair it with "
+            "'rosbag reindex', 'ros2 bag reindex' or 'mcap recover'"
+        ) from error

@@ -50,16 +50,19 @@ def poses_in(bag: Bag, frame: str, stamps: npt.NDArray[np.float64]) -> tuple[lis
     where the tree begins to branch: wheels turn on it.
     """
     told, faults = list[Pose](), list[str]()
-    for topic in bag.topics:
-        states = [_state(m) for m in _messages(bag, [topic]) if _frame(m) == frame] if topic.kind in _POSES else []
-        if states:
-            with _noted(faults):
-                told.append(_at(stamps, states, bag.path / topic.name.strip("/")))
-    moving, fixed = _by_child(joints_of(bag, "/tf")), _by_child(joints_of(bag, "/tf_static"))
-    joints = moving | fixed
     found: dict[str, Pose] = {frame: np.tile(np.eye(4), (len(stamps), 1, 1))}
     children: dict[str, list[str]] = {}
-    todo = [frame]
+    for topic in bag.topics:
+        messages = [m for m in _messages(bag, [topic]) if _frame(m) == frame] if topic.kind in _POSES else []
+        if messages:
+            with _noted(faults):
+                told.append(_at(stamps, list(map(_state, messages)), bag.path / topic.name.strip("/")))
+                child = getattr(messages[0], "child_frame_id", "").strip("/")
+                if child and found.setdefault(child, told[-1]) is told[-1]:
+                    children.setdefault(frame, []).append(child)
+    moving, fixed = _by_child(joints_of(bag, "/tf")), _by_child(joints_of(bag, "/tf_static"))
+    joints = moving | fixed
+    todo = list(found)
     for parent in todo:
         for of, child in joints:
             if of != parent or child in found:

@@ -24,7 +24,8 @@ _TIME = (
 )  # fmt: skip
 _SENSOR = ("sensor", "lidar", "lidar_id", "sensor_id")
 _RING = ("ring", "line", "channel", "laser_id", "laser_number", "beam", "ring_id", "beam_id", "channel_id", "laser")
-_AROUND_AXES = {"point", "points", "pos", "position", "coord", "coords", "coordinate", "coordinates", "xyz", "m"}
+_AROUND_AXES = re.compile(r"points?|pos(ition)?|coord(s|inates?)?|xyz|lidar|[cm]?m")
+_NOT_METRIC = re.compile(r"[(\[{]\s*(us[- ]?)?(ft|feet|foot|in|inch|inches|yd|yards?)\s*[)\]}]\s*$")
 _UNIT = re.compile(r"[(\[{][^()\[\]{}]*[)\]}]\s*$")
 """What stands behind a name in brackets."""
 
@@ -96,6 +97,9 @@ def coordinates(columns: Columns, path: Path) -> npt.NDArray[np.float64]:
 
 def _by_plain_names(columns: Columns, path: Path) -> Columns:
     plain = plain_names(list(columns))
+    axes = [key for key, name in zip(columns, plain, strict=True) if name in ("x", "y", "z")]
+    if other := list(filter(_NOT_METRIC.search, axes)):
+        raise InputError(f"{path} has coordinates in another unit than metres ({other[0]}); export it again in metres")
     twice = next((axis for axis in "xyz" if plain.count(axis) > 1), None)
     if twice is not None:
         both = ", ".join(key for key, name in zip(columns, plain, strict=True) if name == twice)
@@ -108,7 +112,7 @@ def plain_names(names: Sequence[str]) -> list[str]:
     plain = [_plain(name) for name in names]
     for i, name in enumerate(plain):
         words = [word for word in name.split("_") if word]
-        left = [word for word in words if word not in _AROUND_AXES]
+        left = [word for word in words if not _AROUND_AXES.fullmatch(word)]
         axis = "xyz"["012".index(left[0])] if left in (["0"], ["1"], ["2"]) and left != words else "".join(left)
         if axis in ("x", "y", "z") and axis not in plain:  # one that is called so alone comes first
             plain[i] = axis
@@ -118,7 +122,10 @@ def plain_names(names: Sequence[str]) -> list[str]:
 def _coordinates(columns: Columns, path: Path, dtype: type[np.floating]) -> npt.NDArray:
     missing = [axis for axis in "xyz" if axis not in columns]
     if missing:
-        raise InputError(f"{path} has no column {', '.join(missing)}; its columns are: {', '.join(columns) or 'none'}")
+        raise InputError(
+            f"{path} has no column {', '.join(missing)}; its columns are: {', '.join(columns) or 'none'}; call the "
+            "coordinates x, y and z, in a file of text with --columns"
+        )
     stray = next((axis for axis in "xyz" if columns[axis].dtype.kind not in "fiu"), None)
     if stray is not None:
         raise InputError(f"{path} holds {columns[stray].dtype} as {stray}; coordinates are real numbers")

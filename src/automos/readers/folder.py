@@ -108,10 +108,13 @@ class FolderSequence(Sequence):
     def _find_frame(self) -> Pose | None:
         """Return (len, 4, 4) the sensor's poses in the frame of the files, None where that is the sensor's own."""
         claims = [] if self._viewpoints is None else [self._viewpoints]
-        with contextlib.suppress(InputError):  # reported when the poses are asked for
+        fault = ""
+        try:
             T = self._poses_in_world()
             claims += [] if T is None else [T, inverse(T[0]) @ T]
-        return find_frame(self._raw_points, len(self), claims, self._viewpoints is not None, self._folder)
+        except InputError as error:  # reported when the poses are asked for
+            fault = f" ({error})"
+        return find_frame(self._raw_points, len(self), claims, self._viewpoints is not None, self._folder, fault)
 
     @property
     def names(self) -> list[str]:

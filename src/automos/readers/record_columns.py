@@ -161,6 +161,8 @@ def _is_time(values: npt.NDArray, xyz: npt.NDArray[np.float64]) -> bool:
     size = np.abs(values[values != 0])
     if not (is_measured(values).all() and float(np.ptp(values)) > _SHORTEST and (size > _TICK).all()):
         return False
+    if len(np.unique(values)) < 3:  # a flag
+        return False
     direction = np.degrees(np.arctan2(xyz[:, 1], xyz[:, 0])) + 180.0
     return _goes_on(values) or _explains(direction, values.astype(np.float64), _seen(xyz))
 

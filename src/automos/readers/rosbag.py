@@ -17,9 +17,7 @@ def find(path: Path) -> list[Path]:
         return [path]
     if not path.is_dir():
         return [path] if any(is_bag(parent) for parent in path.parents) else []
-    folders = [p for p in path.iterdir() if not p.name.startswith(".") and p.is_dir() and is_bag(p)]
-    drives = [first if not more else first.with_name(f"{first.name}+") for first, *more in drives_of(path)]
-    return sorted([*folders, *drives])
+    return [first if not more else first.with_name(f"{first.name}+") for first, *more in drives_of(path)]
 
 
 def open_bag(path: Path) -> Sequence:

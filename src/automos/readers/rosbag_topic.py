@@ -1,7 +1,6 @@
 """ROS 1 bags, ROS 2 bags and MCAP files: the point clouds of one topic, the only one or the one that is named."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
@@ -9,16 +8,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.errors import AutomosError, InputError
+from automos.core.errors import InputError
 from automos.core.geometry import inverse, transform
 from automos.core.pose_files import read_poses
 from automos.core.scan import Mask, Pose, Scan, Sequence
 from automos.readers import bag_messages
-from automos.readers.bag import Bag, name_of, split_address
+from automos.readers.bag import Bag, name_of, reported, split_address
 from automos.readers.bag_topics import choose_topic, is_named_world, odometry_frames
 from automos.readers.bag_transforms import Joint, joints_of, poses_in
 from automos.readers.columns import Columns, coordinates, time_column, to_scan
-from automos.readers.foreign import limited
 from automos.readers.listed import digest_of_files
 from automos.readers.packets.decode import Decoder, make_decoder
 from automos.readers.packets.messages import as_datagrams, read_packets, rows_of_scans
@@ -27,6 +25,7 @@ from automos.readers.point_times import judge_times
 from automos.readers.sensor_place import find_frame, frame_said
 from automos.readers.stamped_poses import truth_beside
 from automos.readers.time_order import count_unset, put_in_order
+from automos.readers.units import unit_of
 
 
 class RosbagSequence(Sequence):
@@ -51,7 +50,7 @@ class RosbagSequence(Sequence):
         """
         self._address = path
         self.source, wanted = split_address(path)
-        with _reported(self.source):
+        with reported(self.source):
             self.bag = Bag(self.source)
             self.topic, said = choose_topic(self.bag, wanted)
             self.rows = self.bag.index(self.topic)
@@ -63,6 +62,12 @@ class RosbagSequence(Sequence):
             heads = [self._head(row) for row in self.rows]
             self._sizes = np.array([self.bag.size(row) for row in self.rows])
             self.frame_id = heads[0][1]
+            frames = sorted({frame.strip("/") for _, frame in heads} - {""})
+            if len(frames) > 1:
+                raise InputError(
+                    f"{self._where()} has clouds of several LiDARs, in the frames {', '.join(frames)}, one after the "
+                    "other; record each on a topic of its own"
+                )
             self.name = name_of(self.source) + ("" if wanted is None else "_" + wanted.replace("/", "_"))
             self._warnings = [*self.bag.faults, *said, *self._put_in_order(np.array([stamp for stamp, _ in heads]))]
             self._T_frame_sensor: Pose | None = None
@@ -77,6 +82,10 @@ class RosbagSequence(Sequence):
         fullest = int(np.argmax(self._sizes))
         columns = self._columns(fullest)
         self._point_times = judge_times([columns], self._where(), gap)
+        self._unit = 1.0
+        with suppress(InputError):  # reported when the scan itself is read
+            self._unit, said = unit_of(coordinates(columns, self._where()))
+            self._warnings += said
         n_counted, n = self._points_counted(fullest), len(next(iter(columns.values()), ()))
         if n_counted is not None and n_counted < n:
             self._warnings.append(
@@ -96,7 +105,7 @@ class RosbagSequence(Sequence):
         columns = self._columns(index)
         unit = (self._point_times.unit or 0.0) if time_column(columns) is not None else None
         stamp = None if self._stamps is None else float(self._stamps[index])
-        return to_scan(columns, self._where(index), self.names[index], stamp, unit)
+        return to_scan(columns, self._where(index), self.names[index], stamp, unit, self._unit)
 
     @property
     def stamps(self) -> npt.NDArray[np.float64] | None:
@@ -146,7 +155,7 @@ class RosbagSequence(Sequence):
 
     def mounts(self) -> list[Joint]:
         """Return the transforms that /tf_static holds."""
-        with _reported(self.source):
+        with reported(self.source):
             return list(joints_of(Bag(self.source), "/tf_static"))
 
     # ---------------------------------------------------------------------------------------------------- messages
@@ -156,16 +165,16 @@ class RosbagSequence(Sequence):
     def _points_counted(self, index: int) -> int | None:
         if self.topic.kind != bag_messages.CLOUD:
             return None
-        with _reported(self.source):
+        with reported(self.source):
             return points_counted(self.bag.read(self.rows[index]), self.topic.encoding == "cdr")
 
     def _digest(self, index: int) -> int:
-        with _reported(self.source):
+        with reported(self.source):
             return bag_messages.digest(self.bag.read(self.rows[index]), self.topic)
 
     def _columns(self, index: int) -> Columns:
         where = f"{self._where()}, scan {index}"
-        with _reported(self.source):
+        with reported(self.source):
             if self.topic.kind in bag_messages.PACKETS:
                 packets = (packet for row in self._parts[self.rows[index].tobytes()] for packet in self._packets(row))
                 columns = self._decoder.columns(as_datagrams(packets, self._decoder.layout.size, where))
@@ -220,6 +229,8 @@ class RosbagSequence(Sequence):
         try:
             return find_frame(points, len(self), poses, is_told and bool(poses), self._where())
         except InputError:
+            if poses:
+                raise
             raise InputError(
                 f"{self._where()} holds clouds in a world frame ({self.frame_id!r}), not in the sensor's, and no "
                 "odometry or /tf in the bag says where the sensor was; record the sensor's own topic, too, or the "
@@ -228,19 +239,3 @@ class RosbagSequence(Sequence):
 
     def _where(self, index: int | None = None) -> Path:
         return self.source / self.topic.name.strip("/") / ("" if index is None else f"{index:06d}")
-
-
-@contextmanager
-def _reported(bag: Path) -> Iterator[None]:
-    """Turn whatever a reader of bags stumbles over into one sentence: damaged files break it in many ways."""
-    try:
-        with limited(bag):
-            yield
-    except AutomosError:
-        raise
-    except Exception as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(
-            f"{bag} cannot be read as a ROS bag ({reason}); it may be cut short: copy it again, or repair it with "
-            "'rosbag reindex', 'ros2 bag reindex' or 'mcap recover'"
-        ) from error

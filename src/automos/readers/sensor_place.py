@@ -3,7 +3,8 @@
 A sensor measures in directions, so that its points lie further apart the further they are from it: in a cloud in the
 sensor's frame, ranks of the distance to the next points and of the distance from the origin go together. Where they
 do not, and would go together from another place, that is where the sensor was, and the cloud is in another frame: that
-of a map, or of where the drive began. Points on a grid, of one distance everywhere, show nothing.
+of a map, or of where the drive began. Points on a grid, of one distance everywhere, show nothing. Where no place fits
+and the next cloud has the very same points once more, they are a map that grows, which no pose takes back.
 """
 
 from collections.abc import Callable, Sequence
@@ -81,7 +82,9 @@ class Spacing:
         return float(np.max(np.abs(place[:2] - 0.5 * (low + high))) / np.max(0.5 * (high - low)))
 
 
-def find_frame(raw_points: RawPoints, n: int, claims: Sequence[Pose], is_trusted: bool, where: Path) -> Pose | None:
+def find_frame(
+    raw_points: RawPoints, n: int, claims: Sequence[Pose], is_trusted: bool, where: Path, fault: str = ""
+) -> Pose | None:
     """Return (n, 4, 4) the sensor's poses in the frame of the clouds, None where that is the sensor's own.
 
     Parameters
@@ -89,7 +92,7 @@ def find_frame(raw_points: RawPoints, n: int, claims: Sequence[Pose], is_trusted
     raw_points, n : the clouds, and how many there are.
     claims : (n, 4, 4) poses that came with them, in frames that may be the clouds'.
     is_trusted : whether the first claim is what the format says the clouds' frame is, where points do not show it.
-    where : the recording, for the message.
+    where, fault : the recording, and why there are no more claims, for the message.
 
     Raises
     ------
@@ -117,8 +120,22 @@ def find_frame(raw_points: RawPoints, n: int, claims: Sequence[Pose], is_trusted
         best = 0
     for index, spacing in spacings.items():
         T = rivals[best]
-        _require_sensor(spacing, np.zeros(3) if T is None else T[index, :3, 3], where)
+        place = np.zeros(3) if T is None else T[index, :3, 3]
+        is_own = T is None and spacing.fit(place) > 1.0 - _GAP  # at rest, a sensor may see the very same once more
+        if not is_own and _goes_on(spacing, raw_points(index), raw_points((index + 1) % n)):
+            raise InputError(
+                f"{where} has clouds that hold the points of those before them, a map that grows (accumulated in a "
+                "world frame), not what the sensor saw in one sweep; give its scans as they were before that"
+            )
+        _require_sensor(spacing, place, where, fault)
     return rivals[best]
+
+
+def _goes_on(spacing: Spacing, cloud: Array, other: Array) -> bool:
+    """Return whether the next cloud, another than `cloud`, has most points of this one at the very same places."""
+    known = set(map(bytes, np.ascontiguousarray(other)))
+    n_known = sum(bytes(point) in known for point in np.ascontiguousarray(spacing.points))
+    return 2 * n_known > len(spacing.points) and not np.array_equal(cloud, other, equal_nan=True)
 
 
 def _has_sharper_beams(spacings: dict[int, Spacing], T_file_sensor: Pose) -> bool:
@@ -135,7 +152,7 @@ def _has_sharper_beams(spacings: dict[int, Spacing], T_file_sensor: Pose) -> boo
     )
 
 
-def _require_sensor(spacing: Spacing, place: Array, where: Path) -> None:
+def _require_sensor(spacing: Spacing, place: Array, where: Path, fault: str) -> None:
     """Raise where the sensor was clearly elsewhere than at `place` (3,)."""
     fit = spacing.fit(place) if spacing.beyond(place) < _OUTSIDE else 0.0
     if fit > 1.0 - _GAP:
@@ -146,5 +163,5 @@ def _require_sensor(spacing: Spacing, place: Array, where: Path) -> None:
     raise InputError(
         f"{where} has clouds in the frame of a map (world frame): their points are spread as if seen from about "
         f"({found[0]:.0f}, {found[1]:.0f}), not from the origin; give the scans in the sensor's frame, or put the "
-        "sensor's pose of each, in the frame of the clouds, beside them as poses.txt"
+        f"sensor's pose of each, in the frame of the clouds, beside them as poses.txt{fault}"
     )

@@ -16,6 +16,7 @@ from automos.core.errors import InputError
 from automos.core.reading import read_bytes
 from automos.readers.columns import UNNAMED, Columns, from_matrix, plain_names
 from automos.readers.layouts import parse_columns
+from automos.readers.record_columns import ENOUGH
 from automos.readers.text import parse_table
 
 _DIVIDERS = bytes.maketrans(b",;", b"  ")
@@ -25,6 +26,7 @@ _COMMA_WITHIN, _BLANK_BETWEEN = re.compile(rb"\d,\d"), re.compile(rb"[^,\s][ \t]
 """Where a line has both, its commas are those of decimals."""
 _COMMENT = re.compile(rb"(#|//)[^\n]*")
 _REMARK = re.compile(rb"\s*(#|//)[^\n]*\n?")
+_QUOTED = re.compile(rb'"([^"\n]*)"')
 _SEPARATOR = re.compile(rb"\Asep=.\n")
 """What spreadsheets are told."""
 
@@ -41,7 +43,9 @@ def read(path: Path, columns: str = "") -> Columns:
     if len(set(axes)) < len(axes) or any(map(_is_number, names)):
         raise InputError(f"{path} names x, y or z twice, or a column by a number, in its first line; copy it again")
     numbers = _without_comments(rest if names else text)
-    if b";" in numbers and b"," in numbers and b"." not in numbers:
+    if b'"' in numbers:
+        numbers = _QUOTED.sub(lambda cell: cell[1].replace(b",", b"."), numbers)
+    if (b";" in numbers or b"\t" in numbers) and b"," in numbers and b"." not in numbers:
         numbers = numbers.replace(b",", b".")  # of countries that write decimals so
     _require_one_divider(numbers, path)
     try:
@@ -50,6 +54,10 @@ def read(path: Path, columns: str = "") -> Columns:
         raise InputError(f"{path} is not a table of numbers: {error}") from None
     if len(matrix) == 0:
         matrix = np.zeros((0, len(names) or 3))
+    if not columns and not names and len(matrix) > ENOUGH and not np.ptp(np.diff(matrix[:, :3], axis=0), axis=0).all():
+        raise InputError(
+            f"{path} does not name its columns, and one of the first three counts; name them with --columns"
+        )
     if columns or not names:
         return from_matrix(matrix, path, parse_columns(columns).names or UNNAMED if columns else UNNAMED)
     if len(names) != matrix.shape[1]:
