@@ -45,6 +45,24 @@ def write_times(folder, step=0.1):
     return folder
 
 
+def messages(scans, big_endian=False, T=None):
+    placed = scans if T is None else [moved(one, T @ at) for one, at in zip(scans, DRIVE, strict=True)]
+    clouds = [{name: column for name, column in one.items() if name != "time"} for one in placed]
+    return [(10**8 * i, 0.1 * i, cloud(one, 1, big_endian)) for i, one in enumerate(clouds, 1)]
+
+
+def packed(path, raw=b"\n\r\r\n" + bytes(60)):
+    path.write_bytes(raw)
+    return path
+
+
+def in_two_parts(folder, scans):
+    every = messages(scans)
+    for k, some in enumerate((every[:6], every[6:])):
+        write_bag(folder / f"drive_{k}.mcap", {"/points": some})
+    return folder
+
+
 def cut(folder):
     path = folder / "000004.bin"
     path.write_bytes(path.read_bytes()[:-7])
@@ -97,6 +115,27 @@ CASES = {
         "drive can be labelled, with 1 doubt: 3 scans, a folder, .bin files of x,y,z,intensity, 16 beams all round",
     ),
     "cut": (lambda f, scans: cut(write_bins(f, scans)), "drive cannot be labelled: {}/000004.bin has"),
+    "bag": (
+        lambda f, scans: write_bag(f.with_suffix(".bag"), {"/points": messages(scans, big_endian=True)}),
+        "drive can be labelled: 12 scans, a bag, .bag with /points, 16 beams all round, 10.0 scans a second",
+    ),
+    "split bag": (
+        in_two_parts,
+        "drive_0 can be labelled: 12 scans, a bag, .mcap with /points, 16 beams all round, 10.0 scans a second",
+    ),
+    "two LiDARs": (
+        lambda f, scans: write_bag(f.with_suffix(".bag"), dict.fromkeys(("/a", "/b"), messages(scans))),
+        "drive.bag cannot be labelled: {}.bag has 2 topics of point clouds (/a, /b); give one",
+    ),
+    "bag of a map": (
+        lambda f, scans: write_bag(f.with_suffix(".mcap"), {"/points": messages(scans, T=FAR)}),
+        "drive.mcap cannot be labelled: {}.mcap/points holds clouds in a world frame ('lidar'), not in the sensor's",
+    ),
+    "capture": (lambda f, scans: packed(f.with_suffix(".pcapng")), "drive.pcapng cannot be labelled: {}.pcapng"),
+    "gzip": (
+        lambda f, scans: packed(f.with_suffix(".bag.gz"), b"\x1f\x8b" + bytes(60)),
+        "drive.bag.gz cannot be labelled: {}.bag.gz is compressed (gzip)",
+    ),
     "nothing": (lambda f, scans: f.mkdir() or f, "drive cannot be labelled: {} is empty"),
     "absent": (lambda f, scans: f, "drive cannot be labelled: {} does not exist"),
 }
@@ -105,16 +144,16 @@ CASES = {
 @pytest.mark.parametrize("case", CASES)
 def test_the_first_line_is_true(tmp_path, scans, case):
     write, line = CASES[case]
-    (found,) = check(write(tmp_path / "drive", scans))
+    (found,) = check(place := write(tmp_path / "drive", scans))
     assert found.first_line.startswith(line.format(tmp_path / "drive"))
     assert found.lines()[0] == found.first_line
     if found.exit_code < 2:
-        sequence = open_sequence(tmp_path / "drive")
+        sequence = open_sequence(place)
         assert (found.scans, found.points) == (len(sequence), int(np.median([len(scan) for scan in sequence])))
         assert found.doubts[: len(sequence.warnings)] == sequence.warnings
     else:
         with pytest.raises(AutomosError) as told:
-            [scan.points for scan in open_sequence(tmp_path / "drive")]
+            [scan.points for scan in open_sequence(place)]
         assert str(told.value) in found.first_line
 
 

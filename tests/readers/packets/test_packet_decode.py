@@ -11,6 +11,8 @@ from automos.core.errors import InputError
 from automos.readers import find_recordings, open_sequence
 from automos.readers.packets.beams import beams_of
 from automos.readers.packets.layouts import LAYOUTS, layout_of
+from automos.readers.packets.pcap import Capture, open_capture
+from automos.readers.packets.sweeps import kinds_in
 
 START = 1.7e9
 SPINNING = {"Pandar40P": (10, 40), "Pandar64": (6, 64), "Pandar128": (2, 128), "PandarXT-16": (8, 16),
@@ -267,3 +269,11 @@ def test_a_pcapng_may_hold_what_is_not_of_the_internet(tmp_path):
     for name, written in (("noise", sorted([*frames, *noise])), ("vlan", vlan)):
         found = open_sequence(write_pcapng(tmp_path / f"{name}.pcapng", written))
         np.testing.assert_array_equal(found[0].points, plain[0].points)
+
+
+def test_a_capture_is_walked_once_for_all_kinds_and_once_for_those_it_may_hold(tmp_path, monkeypatch):
+    packets, *_ = drive("PandarXT-32")
+    capture, walked, walk = open_capture(send(tmp_path / "drive.pcap", packets)), [], Capture._walked
+    monkeypatch.setattr(Capture, "_walked", lambda self, *given: walked.append(given) or walk(self, *given))
+    assert [layout.sensor for layout in kinds_in(capture)] == ["PandarXT-32"]
+    assert len(walked) == 2 < len(LAYOUTS)

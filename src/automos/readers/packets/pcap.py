@@ -29,8 +29,8 @@ _INTERFACE, _OLD_PACKET, _PACKET = 1, 2, 6
 _HEADER, _RECORD = 24, 16
 _PIECE = 1 << 24
 """Bytes read at once; the longest record has a quarter of a million."""
-_NO_SIZE = 1 << 16
-"""Bytes that no datagram has."""
+_ANY, _NO_SIZE = 0, 1 << 16
+"""In place of the bytes of a datagram: of any size, and what none has."""
 _LINKS = {0: 4, 1: 14, 101: 0, 108: 4, 113: 16, 228: 0, 276: 20}
 """Bytes before the IP header by type of link: loopback, Ethernet, raw IP, Linux's cooked captures."""
 
@@ -81,23 +81,14 @@ class Capture:
     def datagrams(self, n_bytes: int, start: int = 0, stop: int | None = None) -> Iterator[Datagrams]:
         """Yield, piece by piece, the datagrams of `n_bytes` in the records from byte `start` of the file to `stop`.
 
-        Raises
-        ------
-        InputError
-            The file ends within a record, or such a datagram was not recorded whole.
+        InputError is raised where the file ends within a record, or such a datagram was not recorded whole.
         """
         stop = self.size if stop is None else min(stop, self.size)
         start = max(start, 0 if self.is_ng else _HEADER)
         while start < stop:
-            data = np.fromfile(self.path, np.uint8, min(stop - start, _PIECE), offset=start)
-            most = len(data) // (n_bytes + _RECORD) + 1
-            places, records = np.empty(most, np.int64), np.empty(most, np.int64)
-            seconds, senders = np.empty(most), np.empty(most, np.int64)
-            n, end, is_whole = _walk(
-                data, n_bytes, self.is_big, self.is_ng, self.units, self.before_ip, records, places, seconds, senders
-            )
-            at_every_byte = sliding_window_view(data, n_bytes) if n else np.empty((0, n_bytes), np.uint8)
-            yield Datagrams(start + records[:n], at_every_byte[places[:n]], seconds[:n], senders[:n])
+            data, (records, places, seconds, senders), end, is_whole = self._walked(start, stop, n_bytes)
+            at_every_byte = sliding_window_view(data, n_bytes) if len(records) else np.empty((0, n_bytes), np.uint8)
+            yield Datagrams(start + records, at_every_byte[places], seconds, senders)
             if not is_whole:
                 raise InputError(
                     f"{self.path} holds only the beginning of its packets (byte {start + end}); record it again with "
@@ -110,15 +101,23 @@ class Capture:
                 )
             start += end
 
+    def sizes(self, stop: int) -> set[int]:
+        """Return of how many bytes the datagrams are in the records before byte `stop` of the file, 16 MB at most."""
+        data, (_, places, *_), *_ = self._walked(0 if self.is_ng else _HEADER, min(stop, self.size), _ANY)
+        return set((data[places - 4].astype(int) << 8 | data[places - 3]) - 8)
+
+    def _walked(
+        self, start: int, stop: int, n_bytes: int
+    ) -> tuple[npt.NDArray[np.uint8], list[npt.NDArray], int, bool]:
+        data = np.fromfile(self.path, np.uint8, max(min(stop - start, _PIECE), 0), offset=start)
+        most = len(data) // (n_bytes + _RECORD) + 1
+        rows: list[npt.NDArray] = [np.empty(most, kind) for kind in (np.int64, np.int64, np.float64, np.int64)]
+        n, end, is_whole = _walk(data, n_bytes, self.is_big, self.is_ng, self.units, self.before_ip, *rows)
+        return data, [row[:n] for row in rows], end, is_whole
+
 
 def open_capture(path: Path) -> Capture:
-    """Return the capture at `path`.
-
-    Raises
-    ------
-    InputError
-        It cannot be read, or is not a classic capture.
-    """
+    """Return the capture at `path`; InputError where it cannot be read, or is none."""
     try:
         with open(path, "rb") as file:
             head = file.read(_HEADER)
@@ -223,7 +222,7 @@ def _walk(data, n_bytes, is_big, is_ng, units, before_ip, records, places, secon
         ip = udp = -1
         if interface < len(units) and before_ip[interface] >= 0:
             ip, udp = _ip_and_udp(data, frame, end, before_ip[interface])
-        if udp >= 0 and _u16(data, udp + 4) == n_bytes + 8:
+        if udp >= 0 and (n_bytes == _ANY or _u16(data, udp + 4) == n_bytes + 8):
             if udp + 8 + n_bytes > end:
                 return n, at, False
             records[n], places[n] = at, udp + 8

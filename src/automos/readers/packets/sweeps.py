@@ -34,7 +34,11 @@ def find_packets(capture: Capture | LvxFile, layout: Layout, *part: int) -> Iter
 
 def kinds_in(capture: Capture | LvxFile) -> Iterator[Layout]:
     """Yield, each as it is found, which packets of points the beginning of a capture holds."""
-    known = LAYOUTS if isinstance(capture, Capture) else LVX2 if capture.is_second else LVX
+    if isinstance(capture, Capture):
+        sizes = capture.sizes(_LOOKED_AT[1])
+        known = tuple(layout for layout in LAYOUTS if layout.size in sizes)
+    else:
+        known = LVX2 if capture.is_second else LVX
     return (layout for layout in known if len(next(find_packets(capture, layout, *_LOOKED_AT), ())))
 
 
