@@ -277,3 +277,10 @@ def test_a_capture_is_walked_once_for_all_kinds_and_once_for_those_it_may_hold(t
     monkeypatch.setattr(Capture, "_walked", lambda self, *given: walked.append(given) or walk(self, *given))
     assert [layout.sensor for layout in kinds_in(capture)] == ["PandarXT-32"]
     assert len(walked) == 2 < len(LAYOUTS)
+
+
+@pytest.mark.parametrize("n_bytes", [1262, 5000, 20_001])
+def test_where_the_search_for_calibration_ends_within_a_packet_the_capture_is_whole(tmp_path, monkeypatch, n_bytes):
+    monkeypatch.setattr("automos.readers.packets.sequence._TOLD_WITHIN", (0, n_bytes))
+    packets, *_ = drive("PandarXT-32")
+    assert sum(len(scan) > 0 for scan in open_sequence(send(tmp_path / "drive.pcap", packets))) == 3

@@ -94,12 +94,13 @@ class Capture:
                     f"{self.path} holds only the beginning of its packets (byte {start + end}); record it again with "
                     "whole ones: tcpdump -s 0"
                 )
-            if end < len(data) and (end == 0 or start + len(data) == self.size):
+            is_last = start + len(data) == stop
+            if end < len(data) and (stop == self.size if is_last else end == 0):
                 raise InputError(
                     f"{self.path} ends within a packet (byte {start + end} of {self.size}); copy it again or, if its "
                     f"recorder was killed, keep what is whole: editcap -F pcap {self.path.name} whole.pcap"
                 )
-            start += end
+            start = stop if is_last else start + end
 
     def sizes(self, stop: int) -> set[int]:
         """Return of how many bytes the datagrams are in the records before byte `stop` of the file, 16 MB at most."""
