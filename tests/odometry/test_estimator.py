@@ -51,6 +51,16 @@ def test_a_start_in_full_flight_is_found():
     np.testing.assert_allclose(found, true, rtol=0.1)
 
 
+@pytest.mark.parametrize(("seed", "most"), [(0, 30), (1, 12), (3, 60)])
+def test_however_many_scans_are_lost_the_others_are_followed(seed, most):
+    """As on a robot that is too slow: whatever was sought in the background fits what is there when it is found."""
+    there = [scan.points for scan in simulate("city", "VLP-16", n_scans=40, seed=8)]
+    numbers = np.cumsum(np.random.default_rng(seed).integers(1, most, 60))
+    to_and_fro = [there[min(k % 80, 79 - k % 80)] for k in numbers.tolist()]
+    scans = [Scan(points, stamp=0.1 * k) for points, k in zip(to_and_fro, numbers, strict=True)]
+    assert len(follow(scans, lag=0.0)) == len(scans)
+
+
 @pytest.fixture(scope="module")
 def sweeps():
     """Return raw sweeps that begin on the right, whose points have no times, and an order that tells none."""

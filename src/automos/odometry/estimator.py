@@ -217,8 +217,8 @@ class Odometry:
         last = [timed for timed, _ in self._last]
         first = next(k for k, stamp in enumerate(stamps) if stamp >= last[0].stamp)  # earlier ones are forgotten
         window, stamps = window.part(first), stamps[first:]
-        known = [timed for timed in last if timed.stamp <= stamps[-1]]
-        todo = last[len(known) :]
+        known = [timed for timed in last if stamps[0] <= timed.stamp <= stamps[-1]]  # a window begins anew behind a gap
+        todo = [timed for timed in last if timed.stamp > stamps[-1]]
         path, timing = self._new_path(self.path.timing), self.path.timing
         path.go_on_from(window, stamps)
         posed = [Posed(T, timing, twist) for T, twist in zip(window.T_world_sensor, window.twists, strict=True)]
