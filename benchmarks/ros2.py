@@ -87,6 +87,7 @@ def main() -> None:
         f"{os.getloadavg()[0]:.1f}\n{printed.strip().splitlines()[-2]}"
     )
     rclpy.shutdown()
+    spinning.join(timeout=10.0)
 
 
 if __name__ == "__main__":
