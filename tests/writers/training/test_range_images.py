@@ -36,7 +36,9 @@ def test_a_sensor_is_measured_by_its_rays():
     elevations = np.radians(np.linspace(-24.8, 2.0, 64))
     rays = np.column_stack([np.cos(elevations), 0 * elevations, np.sin(elevations)]).astype(np.float32)
     assert measure_sensor([20 * rays], 64) == ImageSensor(64, 2, -25)
-    assert measure_sensor([20 * rays], 60) == ImageSensor(64, 2, -25)
+    for n_rows in (60, 62, 67):  # as they are measured of 64
+        assert measure_sensor([20 * rays], n_rows) == ImageSensor(64, 2, -25)
+    assert [measure_sensor([20 * rays], n).height for n in (1, 16, 40, 128)] == [16, 16, 48, 128]
     down = rays[elevations < np.radians(-5)]
     assert measure_sensor([down], 64).fov_up == 0  # trainers add up the sizes of both ends
 

@@ -67,8 +67,10 @@ def measure_sensor(scans: Iterable[Points], n_rows: int) -> ImageSensor:
     """
     sines = [scan[:, 2] / np.linalg.norm(scan, axis=1) for scan in scans if len(scan)]
     low, high = np.degrees(np.arcsin(np.quantile(np.concatenate(sines), [1e-3, 1.0 - 1e-3]))) if sines else (-1.0, 1.0)
+    # A pattern shows the number of rows to a few in a hundred; all recordings of a sensor are to have one height.
+    height = _ROWS * max((n_rows + _ROWS // 2) // _ROWS, 1)
     # The horizon is between the ends, wherever it looks: trainers add up the ends' sizes.
-    return ImageSensor(_ROWS * -(-max(n_rows, 1) // _ROWS), max(int(np.ceil(high)), 0), min(int(np.floor(low)), -1))
+    return ImageSensor(height, max(int(np.ceil(high)), 0), min(int(np.floor(low)), -1))
 
 
 def image_statistics(scans: Iterable[npt.NDArray[np.float32]], sensor: ImageSensor) -> npt.NDArray[np.float64]:
