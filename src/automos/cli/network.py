@@ -169,7 +169,7 @@ def export_network(
 
 @network_app.command()
 def reproduce(
-    experiment: Annotated[str, typer.Argument(help="table2, or table3 (with the curve of Fig. 3)")],
+    experiment: Annotated[str, typer.Argument(help="table2, table3 (with the curve of Fig. 3), or network")],
     out: Annotated[Path, typer.Option(help="folder of the experiment; interrupted, it continues")] = Path("reproduced"),
     train: Annotated[
         list[Path] | None, typer.Option(help="recording with manual labels, repeatable; default: simulated ones")
@@ -190,29 +190,35 @@ def reproduce(
 ) -> None:
     """Repeat an experiment of the paper with LMNet, on simulated worlds or on your own recordings.
 
+    network trains the one that ships with AutoMOS, OUT/networks/shipped/best.onnx, on worlds of many sensors.
+
     [bold]Examples[/bold]
 
     automos reproduce table2 --out reproduced          everything simulated, an hour or two on a CPU
+
+    automos reproduce network --full                   the full network, on a GPU
 
     automos reproduce table2 --full --train=kitti/sequences/0{0..7} --validation kitti/sequences/08 --test ...
     """
     from automos.core.errors import InputError
     from automos.core.progress import StageProgress
     from automos.network.domains import DOMAINS
-    from automos.network.experiments import SMALL, TUNING, Experiment, table_three, table_two
+    from automos.network.experiments import SIZES, TUNING, Experiment, many_sensors, table_three, table_two
     from automos.network.tables import write_curves, write_table
     from automos.network.train import device_note
 
-    if experiment not in ("table2", "table3"):
-        raise InputError(f"there is no experiment '{experiment}': choose table2 or table3")
+    if experiment not in SIZES:
+        raise InputError(f"there is no experiment '{experiment}': choose table2, table3 or network")
     given = _data(train, validation, test, extra)
     console.print(device_note(device))
-    base = {} if full else SMALL
+    base = SIZES[experiment][full]
     chosen, tuning = _settings(settings, set_, base), _settings(settings, set_, {**base, **TUNING})
     with StageProgress(console, experiment) as progress:
         work = Experiment(out, chosen, tuning, device, progress)
-        home = given or work.simulated(DOMAINS["K"])
-        if experiment == "table2":
+        home = given or work.simulated(DOMAINS["S" if experiment == "network" else "K"])
+        if experiment == "network":
+            rows = many_sensors(work, home)
+        elif experiment == "table2":
             named = dict(_named(text) for text in predictions or [])
             rows = table_two(work, home, named)
         else:
