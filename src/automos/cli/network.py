@@ -10,6 +10,7 @@ import typer
 
 from automos.cli.consoles import console, output
 from automos.cli.options import Format, Recording, SettingsFile
+from automos.core.errors import InputError
 
 if TYPE_CHECKING:
     from automos.settings import Settings
@@ -102,7 +103,6 @@ def segment(
 
     automos segment my_log/ --weights best.pt --device gpu
     """
-    from automos.core.errors import InputError
     from automos.core.progress import StageProgress
     from automos.readers import open_recordings
     from automos.results.claiming import results_folders
@@ -190,17 +190,14 @@ def reproduce(
 ) -> None:
     """Repeat an experiment of the paper with LMNet, on simulated worlds or on your own recordings.
 
-    network trains the one that ships with AutoMOS, OUT/networks/shipped/best.onnx, on worlds of many sensors.
-
     [bold]Examples[/bold]
 
     automos reproduce table2 --out reproduced          everything simulated, an hour or two on a CPU
 
-    automos reproduce network --full                   the full network, on a GPU
+    automos reproduce network --full                   what ships with AutoMOS, but the full network, on a GPU
 
     automos reproduce table2 --full --train=kitti/sequences/0{0..7} --validation kitti/sequences/08 --test ...
     """
-    from automos.core.errors import InputError
     from automos.core.progress import StageProgress
     from automos.network.domains import DOMAINS
     from automos.network.experiments import SIZES, TUNING, Experiment, many_sensors, table_three, table_two
@@ -230,7 +227,6 @@ def reproduce(
 
 def _data(train: Any, validation: Any, test: Any, extra: Any) -> Any:
     """Return the recordings that the user gave by purpose, None if none were given."""
-    from automos.core.errors import InputError
     from automos.network.experiments import Data
 
     if not any((train, validation, test, extra)):
@@ -241,8 +237,6 @@ def _data(train: Any, validation: Any, test: Any, extra: Any) -> Any:
 
 
 def _named(text: str) -> tuple[str, Path]:
-    from automos.core.errors import InputError
-
     name, sign, folder = text.partition("=")
     if not sign:
         raise InputError(f"--predictions {text} has no name: write --predictions NAME=FOLDER")
