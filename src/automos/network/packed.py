@@ -60,7 +60,7 @@ class PackedSamples:
     """What `pack` left, in the order and with the turns that an epoch draws; as it is without `settings`."""
 
     def __init__(self, folder: Path, settings: NetworkSettings | None = None):
-        self._folder, self._training = folder, settings and settings.training
+        self._folder, self._training = folder, None if settings is None else settings.training
         files = sorted(path for path in folder.glob("*.npy"))
         self._arrays = {path.stem: np.load(path, mmap_mode="r") for path in files}
         self._n = len(self._arrays["target"])

@@ -75,9 +75,10 @@ def train(
         "labels": sorted({"automatic" if source.results else "given" for source in data.train}),
         "started_from": init.name if init else "scratch",
     }
-    samples = _samples(recordings, validation, settings, out, progress)
+    samples, held_out = _samples(recordings, validation, settings, out, progress)
     return train_network(
-        *samples,
+        samples,
+        held_out,
         network,
         weights,
         measure_scale(recordings, progress),
