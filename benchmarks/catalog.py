@@ -303,13 +303,6 @@ BENCHMARKS = {
         quick_sweep=({"which": 3, **_SMALL},),
         is_of_everything=True,
     ),
-    "self-training": Benchmark(
-        "a network that learnt from labels as a cue for them",
-        "table-2, and 10 min",
-        "networks:self_training",
-        quick_sweep=(_SMALL,),
-        is_of_everything=True,
-    ),
     "shipped-network": Benchmark(
         "the network that comes along",
         "1 min",

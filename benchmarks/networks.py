@@ -1,4 +1,4 @@
-"""Tables II and III of the paper with LMNet, as `automos reproduce` makes them, and one round of self-training.
+"""Tables II and III of the paper with LMNet, as `automos reproduce` makes them.
 
 Recordings, labels, networks and scores are kept in the store by the contents of the package: a run that was interrupted
 goes on, and what the tables share is made once. One process works in a folder at a time, others wait for it.
@@ -13,21 +13,14 @@ from typing import Any
 from experiment import code_digest
 from labels import scores_of
 
-from automos import load_settings, open_sequence
+from automos import load_settings
 from automos.core.atomic import held
-from automos.evaluation.moving import Counts
-from automos.evaluation.report import evaluate_folder
-from automos.labeling import label_recording
 from automos.network.domains import DOMAINS, Domain, Part
-from automos.network.experiments import SMALL, TUNING, Data, Experiment, table_three, table_two
-from automos.network.segment import open_network, segment_recording
+from automos.network.experiments import SMALL, TUNING, Experiment, table_three, table_two
 from automos.network.tables import write_curves
-from automos.network.train import TrainingData
 
 _SCHEDULE = ("network.training.batch", "network.training.validation_scans")
 """What the full network shares with the narrow one, beside the number of steps."""
-UNSEEN = ("city_HDL-64E_32", "avenue_HDL-64E_31", "junction_HDL-64E_31", "campus_HDL-64E_31")
-"""Recordings of domain K that are not trained on in *LMNet + ours*, by the names of their folders."""
 
 
 @dataclass(frozen=True)
@@ -81,34 +74,3 @@ def table(store: Path, which: int, **size: Any) -> dict[str, Any]:
             write_curves(curves, store / "finetuning.png")
     scored = [{"method": row.method} | scores_of(row.counts) for row in rows]
     return {"scores": scored} | ({} if curves is None else {"curves": asdict(curves)})
-
-
-def _network_of_ours(work: Experiment, data: Data) -> Path:
-    """Return the network that learnt from automatic labels of the recordings to train on."""
-    return work.network("ours", TrainingData(work.automatic(data.train), work.given(data.validation)))
-
-
-def self_training(store: Path, weight: float = 0.5, **size: Any) -> dict[str, Any]:
-    """Do labels get better when a network that learnt from such labels is a cue, with `weight`?
-
-    It is *LMNet + ours* of Table II, on recordings that it did not see.
-    """
-    asked, found, together = Size(**size), {}, [Counts()] * 3
-    out = store / "self-training" / code_digest()
-    with _opened(store, asked) as work:
-        data = work.simulated(_sized("K", asked))
-        network = open_network(_network_of_ours(work, data))
-    for path in (path for path in data.extra if path.name in UNSEEN):
-        sequence, plain = open_sequence(path), load_settings("default")
-        cue, results = out / "network" / path.name, out / "labels" / path.name
-        label_recording(sequence, results, plain, workers=1)
-        counts = [evaluate_folder(results / "predictions", sequence).counts]
-        segment_recording(sequence, cue, network, plain, probabilities=True)
-        counts.append(evaluate_folder(cue / "predictions", sequence).counts)
-        with_cue = {"self_training.folder": str(cue / "probabilities"), "self_training.weight": weight}
-        label_recording(sequence, results, load_settings("default", overrides=with_cue), workers=1)
-        counts.append(evaluate_folder(results / "predictions", sequence).counts)
-        found[path.name] = [scores_of(one) for one in counts]
-        together = [a + b for a, b in zip(together, counts, strict=True)]
-    found["all points together"] = [scores_of(one) for one in together]
-    return {"rounds": found}

@@ -373,14 +373,6 @@ def _over_epochs(curve: list[float], epochs: list[int]) -> list[str]:
     return [*(percent(curve[n]) if n < len(curve) else "" for n in epochs), percent(max(curve))]
 
 
-def self_training(rows: list[Row]) -> Lines:
-    """Return one row a recording: IoU, precision and recall of labels, of the network, of labels with it as a cue."""
-    lines = [["recording", "labels", "network alone", "labels with the network as a cue"]]
-    for name, rounds in rows[0]["rounds"].items():
-        lines.append([f"`{name}`" if "_" in name else name, *(" / ".join(ratios(one)) for one in rounds)])
-    return lines
-
-
 def shipped_network(rows: list[Row]) -> Lines:
     """Return one row a recording."""
     return [["recording", "IoU", "precision", "recall"], *([row["recording"], *ratios(row)] for row in rows)]

@@ -1,6 +1,6 @@
 """Makes the pictures of the docs from a simulated street: the steps of the method, and the pages a user sees.
 
-    python docs/pictures.py            writes docs/images/{step_*,report,review,viewer}.png
+    python docs/pictures.py            writes docs/images/{step_*,paper,report,review,viewer}.png
     python docs/pictures.py review     that one alone
 
 The steps need nothing but AutoMOS; the pages need chromium, chromium-driver and selenium, the viewer rerun-sdk too.
@@ -20,7 +20,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from automos import simulation
-from automos.core.labels import to_mos
+from automos.baselines import erasor
+from automos.core.labels import Label, to_mos
 from automos.core.scan import OBJECT
 from automos.labeling import label_recording
 from automos.objects.verdict import Verdict
@@ -41,8 +42,14 @@ GREEN, GREY, AMBER, FAINT = COLORS["true moving"], "#9aa0a6", "#d98a00", "#e3e6e
 
 def main() -> None:
     """Simulate, label, and draw everything, or what is named."""
-    wanted = sys.argv[1:] or ["steps", "report", "review", "viewer"]
+    wanted = sys.argv[1:] or ["steps", "paper", "report", "review", "viewer"]
     with tempfile.TemporaryDirectory() as folder:
+        if "paper" in wanted:
+            world = simulation.simulate("waiting", "HDL-64E", SCANS, 3)
+            label_recording(world, Path(folder) / "paper", load_settings("paper"))
+            draw_paper(RunStages(Path(folder) / "paper", world), world)
+        if wanted == ["paper"]:
+            return
         recording, run = Path(folder) / "street", Path(folder) / "run"
         simulation.write(simulation.simulate("city", "HDL-64E", SCANS, 3), recording)
         label_recording(open_sequence(recording), run, load_settings("default"))
@@ -97,6 +104,30 @@ def draw_steps(stages: RunStages, sequence) -> None:
         view = View("", points, labels[frame.kept], truth[frame.kept])
         for kind, mask in view.kinds().items():
             axis.scatter(*points[mask, :2].T, s=0.2 if kind == "true static" else 3.0, color=COLORS[kind], linewidths=0)
+
+
+def draw_paper(stages: RunStages, world: simulation.SimulatedSequence) -> None:
+    """Draw what ERASOR found of the movers that a standing sensor saw, and its bins."""
+    scan, bins = SCANS // 2, erasor.Parameters()
+    frame = stages.frame(scan)
+    points, center = frame.points_level, frame.origin_level
+    is_moving = to_mos(world.truth(scan))[frame.kept] == Label.MOVING
+    is_found = stages.stage("candidates").load(stages.names[scan], "log_odds")["log_odds"] > 0.0
+    with Picture("paper", center, 24.0) as axis:
+        angles = np.linspace(0.0, 2.0 * np.pi, bins.sectors, endpoint=False)
+        for angle in angles:
+            way = np.array([bins.max_range / bins.rings, bins.max_range])
+            axis.plot(center[0] + way * np.cos(angle), center[1] + way * np.sin(angle), color=FAINT, linewidth=0.5)
+        for radius in (bins.ego_radius, *(bins.max_range / bins.rings * np.arange(1, bins.rings + 1))):
+            ring = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 200)) * radius
+            color = GREY if radius == bins.ego_radius else FAINT
+            axis.plot(center[0] + ring.real, center[1] + ring.imag, color=color, linewidth=1.0)
+        for mask, color, size in (
+            (~is_moving, GREY, 0.15),
+            (is_moving & ~is_found, COLORS["missed"], 2.5),
+            (is_moving & is_found, GREEN, 2.5),
+        ):
+            axis.scatter(*points[mask, :2].T, s=size, color=color, linewidths=0, zorder=3)
 
 
 class Picture:

@@ -26,9 +26,8 @@ from automos.core.parallel import checked_workers
 from automos.core.run import Progress, Run, Tick
 from automos.core.scan import Pose, Sequence
 from automos.core.workspace import Arrays, Stage, Workspace, fingerprint
-from automos.evidence.network_cue import cue_fingerprint
 from automos.evidence.published import handed_in
-from automos.evidence.stage import add_network_cue, find_candidates
+from automos.evidence.stage import find_candidates
 from automos.objects.instances import find_segments
 from automos.objects.labels import label_scans
 from automos.objects.tracking import Scans, TrackedObjects, follow_and_judge
@@ -144,8 +143,7 @@ class Steps:
     def candidates(self, scans: range | None = None) -> Stage:
         """Return the evidence of motion of each point (III-B), at least for `scans`."""
         find = partial(find_candidates, self.frames, self.trajectory.stamps, self.settings, self.workers)
-        add = partial(add_network_cue, find, self.frames, self.run.names, self.settings.self_training)
-        return self.run.each("candidates", add, scans)
+        return self.run.each("candidates", find, scans)
 
     def instances(self, scans: range | None = None) -> Stage:
         """Return the segments and their boxes (III-C), at least for `scans`."""
@@ -180,7 +178,5 @@ def stage_keys(sequence: Sequence, settings: Settings, poses: Pose | None = None
         key = fingerprint(key, stage, chosen.get(stage))
         if stage == "candidates" and settings.candidates.method not in ("free_space", "erasor"):
             key = fingerprint(key, handed_in(settings.candidates.method).key)
-        if stage == "candidates" and settings.self_training.folder:
-            key = fingerprint(key, chosen["self_training"], cue_fingerprint(settings.self_training))
         keys[stage] = key
     return keys

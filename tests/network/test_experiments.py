@@ -5,7 +5,7 @@ import pytest
 
 from automos.evaluation.moving import Counts
 from automos.network.domains import DOMAINS, Part, write_part
-from automos.network.experiments import SMALL, TUNING
+from automos.network.experiments import SIZES, SMALL, TUNING
 from automos.network.tables import Curves, Row, write_curves, write_table
 from automos.settings import load_settings
 from automos.simulation import SCENARIOS, SENSORS
@@ -16,17 +16,20 @@ def test_no_world_serves_two_purposes():
         parts = (domain.train, domain.extra, domain.validation, domain.test)
         worlds = [world for part in parts for world in part.worlds]
         assert len(worlds) == len(set(worlds))
-        assert all(scenario in SCENARIOS and part.sensor in SENSORS for part in parts for scenario, _ in part.worlds)
-        assert all(seed >= 10 for _, seed in worlds)  # those below chose the labeler's settings
-    assert DOMAINS["K"].train.sensor != DOMAINS["A"].train.sensor
+        assert all(scenario in SCENARIOS and sensor in SENSORS for scenario, sensor, _ in worlds)
+        assert all(seed >= 10 for *_, seed in worlds)  # those below chose the labeler's settings
+    sensors = [{sensor for _, sensor, _ in DOMAINS[name].train.worlds} for name in "KA"]
+    assert not sensors[0] & sensors[1]
 
 
 def test_the_settings_of_the_experiments_exist():
     assert load_settings("default", overrides={**SMALL, **TUNING}).network.model.channels == 8
+    for channels, sizes in zip((8, 32), zip(*SIZES.values(), strict=True), strict=True):
+        assert all(load_settings("default", overrides=size).network.model.channels == channels for size in sizes)
 
 
 def test_parts_are_written_once(tmp_path):
-    part = Part((("waiting", 30),), "VLP-16", 2)
+    part = Part((("waiting", "VLP-16", 30),), 2)
     first = write_part(part, tmp_path, workers=1)
     times = [path.stat().st_mtime_ns for path in sorted(tmp_path.rglob("*.bin"))]
     assert len(times) == 2

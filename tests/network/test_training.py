@@ -232,3 +232,15 @@ def test_where_training_stands_is_kept_though_it_got_no_better(data, tmp_path):
     train(data, tmp_path, settings(epochs=3, learning_rate=1e-6), device="cpu")
     assert len({row["val_iou_moving"] for row in read_curve(tmp_path)}) < 3
     assert torch.load(tmp_path / "last.ckpt", map_location="cpu", weights_only=False)["epoch"] == 2
+
+
+def test_a_training_may_pack_its_samples_first_and_goes_on_from_them(data, tmp_path):
+    ticks = []
+    packed = settings(packed=12, samples=6, sector=64)
+    best = train(data, tmp_path, packed, device="cpu", progress=lambda *tick: ticks.append(tick))
+    assert {("packed", 12, 12), ("packed_validation", 8, 8), ("training", 12, 12)} <= set(ticks)
+    assert np.load(tmp_path / "packed" / "image.npy", mmap_mode="r").shape == (12, 8, 16, 128)
+    assert best.card["epochs"] == 2
+    ticks.clear()
+    train(data, tmp_path, packed, device="cpu", progress=lambda *tick: ticks.append(tick))
+    assert not [tick for tick in ticks if tick[0].startswith("packed")]

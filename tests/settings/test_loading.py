@@ -203,10 +203,3 @@ def test_megabytes_of_yaml_are_told_at_once(tmp_path):
     with pytest.raises(SettingsError, match=r"is not YAML \(it has 30,000,002 letters, more than anything of its kind"):
         load_settings("default", tmp_path / "mine.yaml")
     assert time.process_time() - start < 5.0
-
-
-@pytest.mark.parametrize("folder", ["1e3", "08", "1:30", "yes", "~", "null", ".5"])
-def test_texts_that_look_like_values_are_read_back_as_texts(tmp_path, folder):
-    settings = load_settings(overrides={"self_training.folder": folder})
-    (tmp_path / "settings.yaml").write_text(dump_yaml(settings))
-    assert load_settings("default", tmp_path / "settings.yaml") == settings

@@ -10,6 +10,7 @@ import typer
 
 from automos.cli.consoles import console, output
 from automos.cli.options import Format, Recording, SettingsFile
+from automos.core.errors import InputError
 
 if TYPE_CHECKING:
     from automos.settings import Settings
@@ -102,7 +103,6 @@ def segment(
 
     automos segment my_log/ --weights best.pt --device gpu
     """
-    from automos.core.errors import InputError
     from automos.core.progress import StageProgress
     from automos.readers import open_recordings
     from automos.results.claiming import results_folders
@@ -169,7 +169,7 @@ def export_network(
 
 @network_app.command()
 def reproduce(
-    experiment: Annotated[str, typer.Argument(help="table2, or table3 (with the curve of Fig. 3)")],
+    experiment: Annotated[str, typer.Argument(help="table2, table3 (with the curve of Fig. 3), or network")],
     out: Annotated[Path, typer.Option(help="folder of the experiment; interrupted, it continues")] = Path("reproduced"),
     train: Annotated[
         list[Path] | None, typer.Option(help="recording with manual labels, repeatable; default: simulated ones")
@@ -194,25 +194,28 @@ def reproduce(
 
     automos reproduce table2 --out reproduced          everything simulated, an hour or two on a CPU
 
+    automos reproduce network --full                   what ships with AutoMOS, but the full network, on a GPU
+
     automos reproduce table2 --full --train=kitti/sequences/0{0..7} --validation kitti/sequences/08 --test ...
     """
-    from automos.core.errors import InputError
     from automos.core.progress import StageProgress
     from automos.network.domains import DOMAINS
-    from automos.network.experiments import SMALL, TUNING, Experiment, table_three, table_two
+    from automos.network.experiments import SIZES, TUNING, Experiment, many_sensors, table_three, table_two
     from automos.network.tables import write_curves, write_table
     from automos.network.train import device_note
 
-    if experiment not in ("table2", "table3"):
-        raise InputError(f"there is no experiment '{experiment}': choose table2 or table3")
+    if experiment not in SIZES:
+        raise InputError(f"there is no experiment '{experiment}': choose table2, table3 or network")
     given = _data(train, validation, test, extra)
     console.print(device_note(device))
-    base = {} if full else SMALL
+    base = SIZES[experiment][full]
     chosen, tuning = _settings(settings, set_, base), _settings(settings, set_, {**base, **TUNING})
     with StageProgress(console, experiment) as progress:
         work = Experiment(out, chosen, tuning, device, progress)
-        home = given or work.simulated(DOMAINS["K"])
-        if experiment == "table2":
+        home = given or work.simulated(DOMAINS["S" if experiment == "network" else "K"])
+        if experiment == "network":
+            rows = many_sensors(work, home)
+        elif experiment == "table2":
             named = dict(_named(text) for text in predictions or [])
             rows = table_two(work, home, named)
         else:
@@ -224,7 +227,6 @@ def reproduce(
 
 def _data(train: Any, validation: Any, test: Any, extra: Any) -> Any:
     """Return the recordings that the user gave by purpose, None if none were given."""
-    from automos.core.errors import InputError
     from automos.network.experiments import Data
 
     if not any((train, validation, test, extra)):
@@ -235,8 +237,6 @@ def _data(train: Any, validation: Any, test: Any, extra: Any) -> Any:
 
 
 def _named(text: str) -> tuple[str, Path]:
-    from automos.core.errors import InputError
-
     name, sign, folder = text.partition("=")
     if not sign:
         raise InputError(f"--predictions {text} has no name: write --predictions NAME=FOLDER")

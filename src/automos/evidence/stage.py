@@ -1,6 +1,5 @@
 """III-B: the evidence of motion of each point of a scan, and its kind."""
 
-from collections.abc import Callable
 from itertools import islice
 
 import numpy as np
@@ -13,9 +12,8 @@ from automos.core.scan import EGO_BODY, GROUND, OBJECT, Frames
 from automos.core.workspace import Arrays, PerScan
 from automos.evidence.free_space import FreeSpace
 from automos.evidence.ground import find_ground
-from automos.evidence.network_cue import add_cue, read_cue
 from automos.evidence.published import handed_in
-from automos.settings import SelfTrainingSettings, Settings
+from automos.settings import Settings
 
 _CERTAIN = 4.0
 """Log-odds of the points of a method that only decides between moving and static."""
@@ -29,23 +27,6 @@ def find_candidates(
     """Yield for each missing scan the evidence of motion of its points, and their kind."""
     find = _free_space if settings.candidates.method == "free_space" else _moving_points
     return find(frames, stamps, settings, workers, range(missing[0], missing[-1] + 1))
-
-
-def add_network_cue(
-    find: Callable[[list[int]], PerScan],
-    frames: Frames,
-    names: list[str],
-    settings: SelfTrainingSettings,
-    missing: list[int],
-) -> PerScan:
-    """Yield the results of `find`, plus a network's log-odds of each point if they are given (self-training)."""
-    for i, arrays in find(missing):
-        if not settings.folder:
-            yield i, arrays
-            continue
-        frame = frames[i]
-        probability = read_cue(settings, names[i], frame.n_points)[frame.kept]
-        yield i, {**arrays, "log_odds": add_cue(arrays["log_odds"], probability, settings)}
 
 
 def candidates_of(

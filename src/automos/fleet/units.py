@@ -19,7 +19,6 @@ from automos import __version__
 from automos.core.errors import AutomosError
 from automos.core.scan import Sequence
 from automos.core.workspace import Workspace, fingerprint
-from automos.evidence.network_cue import cue_fingerprint
 from automos.fleet.cache import Cache
 from automos.fleet.machine import cpu_seconds, peak_megabytes, place
 from automos.fleet.orders import Job, Kind, Order, Recording, Report, State
@@ -64,8 +63,7 @@ def work(order: Order) -> Report:
 
 def settings_key(settings: Settings) -> str:
     """Return a fingerprint of the version and of all that shapes results beside the recording."""
-    cue = cue_fingerprint(settings.self_training) if settings.self_training.folder else None
-    return fingerprint(__version__, settings.model_dump(mode="json"), cue)
+    return fingerprint(__version__, settings.model_dump(mode="json"))
 
 
 def results_folder(job: Job, recording: Recording) -> Path:

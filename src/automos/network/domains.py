@@ -1,7 +1,8 @@
 """The simulated stand-ins for the paper's data sets: which worlds are trained on, chosen by, and scored on.
 
 Domain K takes KITTI's place (HDL-64E, European streets), domain A that of Apollo (another sensor on another roof, hills
-and a market of scooters). Seeds of the parts never meet, nor those on which the labeler's settings were chosen (0-9).
+and a market of scooters); S, of many sensors, is what the network that comes along learns from. Seeds of the parts
+never meet, nor those on which the labeler's settings were chosen (0-9).
 """
 
 from collections.abc import Callable
@@ -16,10 +17,9 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True)
 class Part:
-    """Recordings that serve one purpose: each a scenario and a seed."""
+    """Recordings that serve one purpose: each a scenario, a sensor and a seed."""
 
-    worlds: tuple[tuple[str, int], ...]
-    sensor: str
+    worlds: tuple[tuple[str, str, int], ...]
     scans: int = 60
 
 
@@ -35,14 +35,31 @@ class Domain:
 
 
 def _domain(name: str, sensor: str, *parts: str) -> Domain:
-    return Domain(name, *(Part(tuple(_worlds(part)), sensor) for part in parts))
+    return Domain(name, *(Part(tuple(_worlds(part, sensor))) for part in parts))
 
 
-def _worlds(text: str) -> list[tuple[str, int]]:
-    """Return ("city", 30), ("city", 31) for "city 30 31"; groups are separated by commas."""
+def _worlds(text: str, sensor: str) -> list[tuple[str, str, int]]:
+    """Return ("city", sensor, 30), ("city", sensor, 31) for "city 30 31"; groups are separated by commas."""
     groups = [group.split() for group in text.split(",") if group.strip()]
-    return [(scenario, int(seed)) for scenario, *seeds in groups for seed in seeds]
+    return [(scenario, sensor, int(seed)) for scenario, *seeds in groups for seed in seeds]
 
+
+_STREETS = ("city", "motorway", "junction", "campus", "scooters", "hills", "narrow", "canyon", "avenue", "country")
+_SENSORS = ("HDL-64E", "OS1-64", "VLS-128", "HDL-64E", "HDL-32E", "HDL-64E-5Hz", "OS1-128", "HDL-64E", "VLP-16")
+
+
+def _of_many_sensors() -> Domain:
+    """Return domain S: every street four times, each time with the next sensors and another seed."""
+    n, m = len(_STREETS), len(_SENSORS)
+    parts = [
+        Part(tuple((_STREETS[k % n], _SENSORS[k % m], seed + k // n) for k in range(a, b)), 40)
+        for a, b, seed in _PARTS_OF_S
+    ]
+    return Domain("S", parts[0], Part(()), *parts[1:])
+
+
+_PARTS_OF_S = ((0, 40, 320), (0, 6, 340), (20, 26, 350))
+"""Of the parts to train on, to choose by and to score: which worlds, and the first seed."""
 
 DOMAINS = {
     "K": _domain(
@@ -61,6 +78,7 @@ DOMAINS = {
         "scooters 40, hills 40",
         "scooters 50, hills 50, slowdown 50",
     ),
+    "S": _of_many_sensors(),
 }
 
 
@@ -69,7 +87,7 @@ def write_part(part: Part, folder: Path, progress: Progress | None = None, worke
     from automos.simulation import simulate, write
 
     recordings = []
-    for scenario, seed in part.worlds:
-        world = simulate(scenario, part.sensor, part.scans, seed)
+    for scenario, sensor, seed in part.worlds:
+        world = simulate(scenario, sensor, part.scans, seed)
         recordings.append(open_sequence(write(world, folder / world.name, workers, progress)))
     return recordings

@@ -40,6 +40,11 @@ class TrainingSamples:
     def __len__(self) -> int:
         return len(self._order)
 
+    @property
+    def neighbours(self) -> npt.NDArray[np.int64]:
+        """Return all indices, those of neighbouring scans together."""
+        return np.lexsort(self._order.T[::-1])
+
     def __getitem__(self, index: int) -> dict[str, npt.NDArray]:
         if not 0 <= index < len(self):
             raise IndexError(index)
@@ -74,6 +79,11 @@ class ValidationSamples:
 
     def __len__(self) -> int:
         return len(self._all)
+
+    @property
+    def neighbours(self) -> npt.NDArray[np.int64]:
+        """Return all indices, those of neighbouring scans together."""
+        return np.arange(len(self))
 
     def __getitem__(self, index: int) -> dict[str, npt.NDArray]:
         recording, scan = self._all[index]

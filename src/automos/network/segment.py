@@ -53,7 +53,7 @@ def segment_recording(
     Parameters
     ----------
     probabilities : bool
-        Also write probabilities/*.npy, (N,) float16 per scan, the cue of `self_training.folder`.
+        Also write probabilities/*.npy, (N,) float16 per scan, that each point moves.
 
     Raises
     ------

@@ -14,6 +14,7 @@ from automos.core.errors import InputError, MissingExtraError
 from automos.core.extras import pip_install
 from automos.core.run import Progress
 from automos.core.workspace import fingerprint
+from automos.network.packed import PackedSamples, pack
 from automos.network.recordings import LabelledRecording, Source, open_labelled
 from automos.network.samples import TrainingSamples, ValidationSamples, measure_classes, measure_scale
 from automos.settings import Settings, dump_yaml
@@ -74,9 +75,10 @@ def train(
         "labels": sorted({"automatic" if source.results else "given" for source in data.train}),
         "started_from": init.name if init else "scratch",
     }
+    samples, held_out = _samples(recordings, validation, settings, out, progress)
     return train_network(
-        TrainingSamples(recordings, network),
-        ValidationSamples(validation, network),
+        samples,
+        held_out,
         network,
         weights,
         measure_scale(recordings, progress),
@@ -89,6 +91,27 @@ def train(
         loaders,
         report,
     )
+
+
+def _samples(
+    recordings: list[LabelledRecording],
+    validation: list[LabelledRecording],
+    settings: Settings,
+    out: Path,
+    progress: Progress,
+) -> tuple[TrainingSamples, ValidationSamples] | tuple[PackedSamples, PackedSamples]:
+    """Return what is trained on and what the epoch is chosen by, packed in `out` if that is asked for."""
+    network, training = settings.network, settings.network.training
+    held_out = ValidationSamples(validation, network)
+    if not training.packed:
+        return TrainingSamples(recordings, network), held_out
+    drawn = {"training": training.model_copy(update={"samples": training.packed, "sector": 0})}
+    whole = TrainingSamples(recordings, network.model_copy(update=drawn))
+    sequences = [recording.sequence.fingerprint() for recording in (*recordings, *validation)]
+    key = fingerprint(sequences, drawn["training"].model_dump(mode="json"), network.image.model_dump(mode="json"))
+    pack(whole, out / "packed", key, 0, progress)
+    pack(held_out, out / "packed_validation", key, 0, progress)
+    return PackedSamples(out / "packed", network), PackedSamples(out / "packed_validation")
 
 
 def device_note(device: str) -> str:

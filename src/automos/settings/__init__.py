@@ -9,7 +9,6 @@ from automos.settings.candidates import (
     EgoBodySettings,
     FreeSpaceSettings,
     GroundSettings,
-    SelfTrainingSettings,
 )
 from automos.settings.instances import DetectSettings, HdbscanSettings, InstancesSettings, SegmentSettings
 from automos.settings.loading import PRESETS, dump_yaml, given_settings, keys_of, load_settings, read_overrides
@@ -35,7 +34,7 @@ __all__ = [
     "GroundSettings", "HdbscanSettings", "ImageSettings", "InstancesSettings",
     "LabelsSettings", "LoopSettings", "MapSettings", "ModelSettings", "NetworkSettings",
     "OdometrySettings", "OutputSettings", "RecordingSettings",
-    "SegmentSettings", "SelfTrainingSettings", "Settings",
+    "SegmentSettings", "Settings",
     "TrackingSettings", "TrainingSettings", "VerdictSettings",
     "dump_yaml", "given_settings", "keys_of", "load_settings", "read_overrides",
 ]  # fmt: skip

@@ -53,12 +53,3 @@ class CandidatesSettings(Group):
     ground: GroundSettings = GroundSettings()
     ego_body: EgoBodySettings = EgoBodySettings()
     free_space: FreeSpaceSettings = FreeSpaceSettings()
-
-
-class SelfTrainingSettings(Group):
-    """The probabilities of a network, as a second cue for the labeler."""
-
-    folder: str = Field("", description="probabilities/ of automos segment --probabilities; empty: no cue")
-    weight: float = Field(
-        0.5, ge=0, description="weight of the network's log-odds; larger values let it outvote the evidence of the rays"
-    )

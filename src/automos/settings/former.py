@@ -29,6 +29,7 @@ BECAME = {
     "network.augmentation": "network.training.augment turns it on or off",
     "network.cleanup": "RangeNet++'s values are used, see automos.network.cleanup; remove it",
     "network.scene_flow": "see automos.network.rivals; remove it",
+    "self_training": "labels were no better with a network's probabilities; remove it",
     "network.training.optimizer": "set network.training.recipe",
     "network.training.schedule": "set network.training.recipe",
 }

@@ -46,6 +46,9 @@ class TrainingSettings(Group):
     )
     epochs: int = Field(150, ge=1, description="greatest number of epochs, of which the best is kept; more take longer")
     samples: int = Field(0, ge=0, description="scans per epoch, drawn anew each time; 0: every scan once")
+    packed: int = Field(
+        0, ge=0, description="scans drawn and packed in OUT before training, for a GPU; more take longer; 0: as needed"
+    )
     sector: int = Field(
         0, ge=0, multiple_of=16, description="image columns per training step; 0: all; more make steps more expensive"
     )

@@ -1,6 +1,6 @@
 """All settings of one run, a branch for each stage."""
 
-from automos.settings.candidates import CandidatesSettings, SelfTrainingSettings
+from automos.settings.candidates import CandidatesSettings
 from automos.settings.group import Group
 from automos.settings.instances import InstancesSettings
 from automos.settings.network import NetworkSettings
@@ -21,7 +21,6 @@ class Settings(Group):
     labels: LabelsSettings = LabelsSettings()
     output: OutputSettings = OutputSettings()
     network: NetworkSettings = NetworkSettings()
-    self_training: SelfTrainingSettings = SelfTrainingSettings()
     map: MapSettings = MapSettings()
 
     def __repr__(self) -> str:

@@ -125,8 +125,7 @@ class MethodRuns:
         if method in PRESETS:
             return fingerprint(self._pose_key(method), stage_keys(self.sequence, settings)["labels"])
         chosen = settings.model_dump(mode="json")
-        own = chosen["candidates"]["erasor"] if method == "erasor" else repr(published(method))
-        return fingerprint(self._pose_key(method), method, own, chosen["candidates"]["ground"])
+        return fingerprint(self._pose_key(method), method, repr(published(method)), chosen["candidates"]["ground"])
 
     def cost(self, method: str) -> Cost | None:
         """Return what `method` took; it is run where its labels are not there yet. None of another program's labels.

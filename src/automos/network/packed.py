@@ -1,0 +1,106 @@
+"""Samples prepared beforehand: drawn, changed, projected and packed in files, so that a GPU waits for none of it.
+
+FOLDER/image.npy       (N, 5 + K, H, W) float16
+FOLDER/target.npy      (N, H, W) uint8, and confidence.npy float16 where it is used
+FOLDER/packed.json     what they were made of, and how many parts of them are done: packing goes on after a stop
+
+A packed sample is one change of one window. In every epoch it is turned and mirrored anew, which costs nothing.
+"""
+
+import json
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.atomic import write_text
+from automos.core.parallel import map_in_order
+from automos.core.run import Progress
+from automos.network.augmentation import SEED
+from automos.network.samples import TrainingSamples, ValidationSamples, draw_sector
+from automos.settings import NetworkSettings
+
+_TYPES = {"image": np.float16, "target": np.uint8, "confidence": np.float16}
+_AT_ONCE = 32
+"""Samples of a part, which one process makes: neighbours, so that it reads few scans more than once."""
+_X, _Y = 1, 2  # channels
+
+
+def pack(
+    samples: TrainingSamples | ValidationSamples, folder: Path, key: str, workers: int, progress: Progress
+) -> None:
+    """Write all of `samples` into `folder`, by `workers` processes (0: one per core); what `key` made stays."""
+    folder.mkdir(exist_ok=True)
+    state, rows = folder / "packed.json", samples.neighbours
+    done = _parts_done(state, key)
+    if done == 0:
+        for name, value in samples[0].items():
+            shape = (len(samples), *value.shape)
+            np.lib.format.open_memmap(folder / f"{name}.npy", "w+", _TYPES[name], shape).flush()
+    parts = [rows[k : k + _AT_ONCE] for k in range(0, len(rows), _AT_ONCE)]
+    for _ in map_in_order(partial(_fill, samples, folder), parts[done:], workers, chunk=1):
+        done += 1
+        write_text(state, json.dumps({"key": key, "parts": done}))
+        progress(folder.name, min(done * _AT_ONCE, len(samples)), len(samples))
+
+
+def _parts_done(state: Path, key: str) -> int:
+    found = json.loads(state.read_text()) if state.exists() else {}
+    return int(found["parts"]) if found.get("key") == key else 0
+
+
+def _fill(samples: TrainingSamples | ValidationSamples, folder: Path, rows: npt.NDArray[np.int64]) -> None:
+    for row in rows:
+        for name, value in samples[int(row)].items():
+            np.load(folder / f"{name}.npy", mmap_mode="r+")[row] = value
+
+
+class PackedSamples:
+    """What `pack` left, in the order and with the turns that an epoch draws; as it is without `settings`."""
+
+    def __init__(self, folder: Path, settings: NetworkSettings | None = None):
+        self._folder, self._training = folder, None if settings is None else settings.training
+        files = sorted(path for path in folder.glob("*.npy"))
+        self._arrays = {path.stem: np.load(path, mmap_mode="r") for path in files}
+        self._n = len(self._arrays["target"])
+        self.begin_epoch(0)
+
+    def begin_epoch(self, epoch: int) -> None:
+        """Draw the order anew."""
+        self._epoch, self._order = epoch, np.arange(self._n)
+        if self._training is not None:
+            wanted = self._training.samples or self._n
+            rng = np.random.default_rng([SEED, epoch, 3])
+            self._order = np.concatenate([rng.permutation(self._n) for _ in range(-(-wanted // self._n))])[:wanted]
+
+    def __len__(self) -> int:
+        return len(self._order)
+
+    def __getitem__(self, index: int) -> dict[str, npt.NDArray]:
+        if not 0 <= index < len(self):
+            raise IndexError(index)
+        row = self._order[index]
+        image = np.asarray(self._arrays["image"][row], np.float32)
+        sample = {name: np.asarray(values[row]) for name, values in self._arrays.items()} | {"image": image}
+        sample["target"] = sample["target"].astype(np.int64)
+        if self._training is None:
+            return sample
+        rng = np.random.default_rng([SEED, self._epoch, index, 4])
+        if self._training.augment:
+            sample = turned(sample, int(rng.integers(image.shape[2])), bool(rng.random() < 0.5))
+        sector = draw_sector(sample["target"], self._training.sector, rng)
+        return {name: values[..., sector] for name, values in sample.items()}
+
+
+def turned(sample: dict[str, npt.NDArray], columns: int, is_mirrored: bool) -> dict[str, npt.NDArray]:
+    """Return a sample as seen by a sensor turned by whole columns, left and right changed if it is mirrored."""
+    out = {name: np.roll(values, columns, axis=-1) for name, values in sample.items()}
+    angle = -2.0 * np.pi * columns / out["target"].shape[1]  # columns go clockwise
+    x, y = out["image"][_X].copy(), out["image"][_Y].copy()
+    out["image"][_X] = np.cos(angle) * x - np.sin(angle) * y
+    out["image"][_Y] = np.sin(angle) * x + np.cos(angle) * y
+    if is_mirrored:
+        out = {name: np.ascontiguousarray(values[..., ::-1]) for name, values in out.items()}
+        out["image"][_Y] *= -1.0
+    return out
