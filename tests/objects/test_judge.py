@@ -22,7 +22,7 @@ from automos.objects.judge import (
     segment_terms,
 )
 from automos.objects.tracks import Tracks
-from automos.objects.verdict import Verdict, Verdicts
+from automos.objects.verdict import Verdict
 
 STAMPS = 0.1 * np.arange(20)
 
@@ -172,10 +172,9 @@ def test_what_has_stayed_in_every_scan_is_scenery():
     (car, seen_car), (wall, seen_wall) = one_track(STRAIGHT), one_track(0.0 * STRAIGHT, moved=0.0, stayed=1.0)
     car = Tracks(car.track + 1, car.scan, car.segment + 1, car.center, car.size, car.yaw, car.velocity)
     seen = [Detections.concatenate([a, b]) for a, b in zip(seen_wall, seen_car, strict=True)]
-    verdicts = Verdicts(np.array([Verdict.STATIC, Verdict.STATIC], np.int8), np.array([0.9, 0.8]))
-    assert is_scenery(Tracks.concatenate([wall, car]), verdicts, seen).tolist() == [True, False]
-    verdicts = Verdicts(np.array([Verdict.MOVING, Verdict.STATIC], np.int8), np.array([0.9, 0.8]))
-    assert is_scenery(Tracks.concatenate([wall, car]), verdicts, seen).tolist() == [False, False]
+    both, has_stayed = Tracks.concatenate([wall, car]), [found.has_stayed for found in seen]
+    assert is_scenery(both, np.array([False, False]), has_stayed).tolist() == [True, False]
+    assert is_scenery(both, np.array([True, False]), has_stayed).tolist() == [False, False]
 
 
 def test_no_tracks_have_no_verdicts():

@@ -10,7 +10,9 @@ end: the assignment with the greatest likelihood over the recording.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import chain, starmap
 
 import numpy as np
 import numpy.typing as npt
@@ -102,7 +104,8 @@ def cut_where_two(tracks: Tracks, is_moving: Mask, evidence: Array, times: Array
 
     Equation: link
     """
-    seen, t = observed(tracks), times[tracks.scan[tracks.is_observed]]
+    at = np.flatnonzero(tracks.is_observed & is_moving[tracks.track])
+    seen, t = tracks[at], times[tracks.scan[at]]
     first = seen.first_of_sights()
     bounds = np.append(first, len(t))
     position, velocity, _ = smooth_paths(bounds, t, seen.center)
@@ -110,10 +113,10 @@ def cut_where_two(tracks: Tracks, is_moving: Mask, evidence: Array, times: Array
     goes_on = np.flatnonzero(seen.track[first[1:]] == seen.track[first[1:] - 1]) + 1
     rows = first[goes_on]
     score = _link_score(seen, rows - 1, rows, t[rows] - t[rows - 1])
-    about = evidence[tracks.is_observed]
+    about = evidence[at]
     score += _log_moved(about, t, bounds, bounds[1:] - 1)[goes_on - 1] + _log_moved(about, t, bounds, first)[goes_on]
     is_cut = np.diff(tracks.track, prepend=-1) > 0
-    is_cut[np.flatnonzero(tracks.is_observed)[rows[(score <= 0.0) & is_moving[seen.track[rows]]]]] = True
+    is_cut[at[rows[score <= 0.0]]] = True
     return until_last_seen(replace(tracks, track=np.cumsum(is_cut) - 1))
 
 
@@ -140,15 +143,17 @@ def links_in_time(tracks: Tracks, is_moving: Mask, is_whole: Mask, evidence: Arr
     """
     first = tracks.first_rows()
     last = np.append(first[1:], len(tracks.track))[: len(first)] - 1
-    pairs = _followed(tracks, first, last, times), _overlapping(tracks, first, last)
-    a, b, rows = (np.concatenate(column) for column in zip(*pairs, strict=True))
-    possible = (a != b) & (is_moving[a] | is_moving[b]) & is_whole[a] & is_whole[b]
-    a, b, rows = a[possible], b[possible], rows[possible]
-    t = times[tracks.scan]
-    score = _link_score(tracks, rows, first[b], t[first[b]] - t[rows])
-    bounds = np.append(first, len(t))
-    score += _log_moved(evidence, t, bounds, last)[a] + _log_moved(evidence, t, bounds, first)[b]
-    a, b, score = a[score > 0.0], b[score > 0.0], score[score > 0.0]
+    t, bounds = times[tracks.scan], np.append(first, len(tracks.track))
+    ended, begun = (_log_moved(evidence, t, bounds, at) for at in (last, first))
+
+    def likely(a: Rows, b: Rows, rows: Rows) -> tuple[Rows, Rows, Array]:
+        possible = (a != b) & (is_moving[a] | is_moving[b]) & is_whole[a] & is_whole[b]
+        a, b, rows = a[possible], b[possible], rows[possible]
+        score = _link_score(tracks, rows, first[b], t[first[b]] - t[rows]) + ended[a] + begun[b]
+        return a[score > 0.0], b[score > 0.0], score[score > 0.0]
+
+    found = starmap(likely, chain(_followed(tracks, first, last, times), _overlapping(tracks, first, last)))
+    a, b, score = (np.concatenate(column) for column in zip(*found, strict=True))
     return _one_each(a, b, score, len(first))
 
 
@@ -167,22 +172,25 @@ def _one_each(a: Rows, b: Rows, score: Array, n: int) -> tuple[Rows, Rows]:
     return ends, beginnings
 
 
-def _followed(tracks: Tracks, first: Rows, last: Rows, times: Array) -> tuple[Rows, Rows, Rows]:
-    """Return pairs of tracks (P,), the second of which begins near the end of the first, and the last rows of that."""
-    end, begin = times[tracks.scan[last]], times[tracks.scan[first]]
-    in_time = np.argsort(begin, kind="stable")
-    low, high = (np.searchsorted(begin[in_time], t, side="right") for t in (end, end + LONGEST))
-    a = np.repeat(np.arange(len(last)), high - low)
-    b = in_time[np.arange(len(a)) - np.repeat(np.cumsum(high - low) - high, high - low)]
-    speed = np.hypot(*tracks.velocity[last, :2].T)
-    reach = LONGEST * speed + REACH * (NOISE + ACCELERATION * LONGEST)
-    is_near = np.linalg.norm(tracks.center[first[b], :2] - tracks.center[last[a], :2], axis=1) <= reach[a]
-    return a[is_near], b[is_near], last[a[is_near]]
+def _followed(tracks: Tracks, first: Rows, last: Rows, times: Array) -> Iterator[tuple[Rows, Rows, Rows]]:
+    """Yield pairs of tracks (P,), the second of which begins near the end of the first, and the last rows of that.
+
+    By the scan in which the first one ends: in most pairs nothing goes on, and a recording has very many.
+    """
+    in_time = np.argsort(tracks.scan[first], kind="stable")
+    begin, center = times[tracks.scan[first[in_time]]], tracks.center[first[in_time], :2]
+    reach = LONGEST * np.hypot(*tracks.velocity[last, :2].T) + REACH * (NOISE + ACCELERATION * LONGEST)
+    in_order = np.argsort(tracks.scan[last], kind="stable")
+    for a in np.split(in_order, np.flatnonzero(np.diff(tracks.scan[last[in_order]])) + 1):
+        end = times[tracks.scan[last[a[:1]]]].sum()  # 0 where there are none
+        low, high = np.searchsorted(begin, (end, end + LONGEST), side="right")
+        off = np.linalg.norm(center[low:high] - tracks.center[last[a], None, :2], axis=-1)
+        k, j = np.nonzero(off <= reach[a, None])
+        yield a[k], in_time[low + j], last[a[k]]
 
 
-def _overlapping(tracks: Tracks, first: Rows, last: Rows) -> tuple[Rows, Rows, Rows]:
-    """Return pairs of tracks (P,) of which the second begins before the first ends, and the first's rows then."""
-    found: list[tuple[Rows, Rows, Rows]] = [(np.zeros(0, np.int64),) * 3]
+def _overlapping(tracks: Tracks, first: Rows, last: Rows) -> Iterator[tuple[Rows, Rows, Rows]]:
+    """Yield pairs of tracks (P,) of which the second begins before the first ends, and the first's rows then."""
     begins = np.zeros(len(tracks.track), np.bool_)
     begins[first] = True
     for rows in tracks.rows_by_scan(int(tracks.scan.max(initial=-1)) + 1):
@@ -190,9 +198,7 @@ def _overlapping(tracks: Tracks, first: Rows, last: Rows) -> tuple[Rows, Rows, R
         k, j = np.nonzero(_lies_within(tracks, new, old))
         a, b = tracks.track[old[j]], tracks.track[new[k]]
         goes_on = tracks.scan[last[b]] > tracks.scan[last[a]]
-        found.append((a[goes_on], b[goes_on], old[j][goes_on]))
-    a, b, rows = (np.concatenate(column) for column in zip(*found, strict=True))
-    return a, b, rows
+        yield a[goes_on], b[goes_on], old[j][goes_on]
 
 
 def _link_score(tracks: Tracks, last: Rows, first: Rows, gap: Array) -> Array:

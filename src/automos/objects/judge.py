@@ -211,13 +211,12 @@ def _share_first_looks(worth: Array, first: npt.NDArray[np.int64], times: Array,
         worth[within] = worth[within].sum() / max(within.stop - begin, 1)
 
 
-def is_scenery(tracks: Tracks, verdicts: Verdicts, detections: Sequence[Detections]) -> Mask:
-    """Return (T,) which tracks have stayed in every scan and do not move."""
+def is_scenery(tracks: Tracks, is_moving: Mask, has_stayed: Sequence[Mask]) -> Mask:
+    """Return (T,) which tracks do not move and have stayed in every scan, as `has_stayed` says of its segments."""
     out, rows = np.ones(len(tracks), np.bool_), np.flatnonzero(tracks.is_observed)
     if len(rows):
-        has_stayed = np.concatenate([found.has_stayed for found in detections])
-        out[tracks.track[rows[~has_stayed[_segments(tracks, rows, detections)]]]] = False
-    return out & ~verdicts.is_moving
+        out[tracks.track[rows[~np.concatenate(has_stayed)[_segments(tracks, rows, has_stayed)]]]] = False
+    return out & ~is_moving
 
 
 def _doubted(log_ratio: Array, wrong: float) -> Array:

@@ -9,13 +9,15 @@ While an object is missed, its position soon becomes uncertain, and it may go on
 cut again where that is likely (`bodies.cut_where_two`).
 """
 
-from collections.abc import Iterable
+from collections import deque
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.core.geometry import Array
+from automos.core.scan import Mask
 from automos.objects import filter as kalman
 from automos.objects.association import Objects, assign, association_cost, motion_cost
 from automos.objects.detections import Detections
@@ -77,14 +79,33 @@ def track_objects(detections: Iterable[tuple[float, Detections]], settings: Trac
     ends at its last observation. `detections` are seconds and segments (level frame) of each scan, in time order.
     """
     tracker = Tracker(settings)
-    return until_last_seen(Tracks.concatenate([tracker.step(stamp, found) for stamp, found in detections]))
+    return Tracks.concatenate(_without_last_misses(tracker.step(stamp, found) for stamp, found in detections))
+
+
+def _without_last_misses(steps: Iterable[Tracks]) -> Iterator[Tracks]:
+    """Yield the rows of each scan once it is known which of the objects missed in it are seen again."""
+    waiting, last_seen = deque[Tracks](), np.zeros(0, np.int64)
+    for rows in steps:
+        waiting.append(rows)
+        last_seen = np.append(last_seen, np.full(max(rows.track.max(initial=-1) + 1 - len(last_seen), 0), -1))
+        last_seen[rows.track[rows.is_observed]] = rows.scan[rows.is_observed]
+        while waiting and np.all(_is_until(last_seen, waiting[0]) | ~np.isin(waiting[0].track, rows.track)):
+            known = waiting.popleft()
+            yield known[_is_until(last_seen, known)]
+    for rows in waiting:
+        yield rows[_is_until(last_seen, rows)]
 
 
 def until_last_seen(tracks: Tracks) -> Tracks:
     """Return the tracks without misses after the last observation of each."""
     last_seen, is_seen = np.full(len(tracks), -1), tracks.is_observed
     last_seen[tracks.track[is_seen]] = tracks.scan[is_seen]  # duplicates: the last write remains
-    return tracks[tracks.scan <= last_seen[tracks.track]]
+    return tracks[_is_until(last_seen, tracks)]
+
+
+def _is_until(last_seen: Rows, rows: Tracks) -> Mask:
+    """Return (R,) which rows are of scans until their track (T,) was seen for the last time."""
+    return rows.scan <= last_seen[rows.track]
 
 
 def can_follow(stamps: Array) -> bool:

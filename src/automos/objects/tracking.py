@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +13,7 @@ import numpy.typing as npt
 from automos.core.geometry import Array
 from automos.core.parallel import map_in_order
 from automos.core.scan import OBJECT, Mask
+from automos.core.upright_boxes import Boxes
 from automos.objects.bodies import cut_where_two, joined, links_in_time, parts_of_bodies
 from automos.objects.detections import Detections
 from automos.objects.extents import Scans, whole_boxes
@@ -68,88 +71,125 @@ class TrackedObjects:
 def follow_and_judge(scans: Scans, settings: Settings, workers: int) -> TrackedObjects:
     """Return the bodies of a recording, all else that was tracked, and whether each has moved."""
     tracking, stamps = settings.tracking, scans.frames.stamps
-    detections = [Detections.from_arrays(scans.instances.load(name, *Detections.columns())) for name in scans.names]
+    detections = (Detections.from_arrays(scans.instances.load(name, *Detections.columns())) for name in scans.names)
     if tracking.method == "paper":
         tracks = track_objects(zip(stamps, detections, strict=True), tracking)
         return TrackedObjects(with_speed_as_state(tracks), judge_by_trajectory(tracks, tracking.verdict))
     if not can_follow(stamps):
-        detections = [of_scan[np.zeros(0, np.int64)] for of_scan in detections]
-    tracks = track_objects(zip(stamps, detections, strict=True), tracking)
-    terms = [segment_terms(found) for found in detections]
-    tracks, parts = _bodies(scans, tracks, detections, terms, workers)
-    verdicts = judge_tracks(tracks, terms, stamps)
-    kept = ~is_scenery(tracks, verdicts, detections)
+        detections = (of_scan[np.zeros(0, np.int64)] for of_scan in detections)
+    seen = _Seen([], [], [])
+    followed = zip(stamps, map(seen.add, detections), strict=True)
+    tracks, parts = _bodies(scans, track_objects(followed, tracking), seen, workers)
+    verdicts = _judged(tracks, seen, stamps)
+    kept = ~is_scenery(tracks, verdicts.is_moving, seen.has_stayed)
     least_time = min(MIN_TIME, 0.5 * np.ptp(stamps)) if len(stamps) else 0.0
-    is_scrap = verdicts.is_moving & is_small(parts, len(tracks), detections, stamps, MIN_POINTS, least_time)
+    is_scrap = verdicts.is_moving & is_small(parts, len(tracks), seen.n_points, stamps, MIN_POINTS, least_time)
     is_sure = is_scrap & (verdicts.confidence >= SCRAP)
     scraps = of_tracks(parts, is_sure)
     scraps = replace(scraps, p_moving=verdicts[is_sure].confidence[scraps.track])
     kept &= ~is_scrap
     tracks, parts, verdicts = of_tracks(tracks, kept), of_tracks(parts, kept), verdicts[kept]
-    tracks = _with_whole_boxes(scans, tracks, parts, verdicts.is_moving, detections, workers)
+    _make_whole(scans, tracks, parts, verdicts.is_moving, workers)
     tracks = moving_now(tracks, verdicts, stamps)
     places = find_places(scans, tracks, parts, verdicts, settings, workers)
     return TrackedObjects(tracks, verdicts, places, parts, scraps)
 
 
+class _Seen(NamedTuple):
+    """What is kept of the segments of each scan, once they are tracked: little, as recordings are long."""
+
+    terms: list[SegmentTerms]
+    n_points: list[npt.NDArray[np.float32]]
+    has_stayed: list[Mask]
+
+    def add(self, found: Detections) -> Detections:
+        """Keep what is needed of the segments of the next scan; return them."""
+        self.terms.append(segment_terms(found))
+        self.n_points.append(found.n_points.astype(np.float32))
+        self.has_stayed.append(found.has_stayed)
+        return found
+
+    @property
+    def evidence(self) -> list[Array]:
+        """See `SegmentTerms`."""
+        return [of_scan.evidence for of_scan in self.terms]
+
+
+def _judged(tracks: Tracks, seen: _Seen, stamps: Array) -> Verdicts:
+    """Return the verdicts on all tracks; on some at a time, as what is smoothed for it is larger than the tracks."""
+    first, at_once = np.append(tracks.first_rows(), len(tracks.track)), math.isqrt(len(tracks))
+    found = [judge_tracks(tracks[:0], [], stamps)]
+    for k in range(0, len(tracks), at_once or 1):
+        some = tracks[first[k] : first[min(k + at_once, len(tracks))]]
+        begin, end = some.scan.min(), some.scan.max() + 1
+        some = replace(some, track=some.track - k, scan=some.scan - begin)
+        found.append(judge_tracks(some, seen.terms[begin:end], stamps[begin:end]))
+    return Verdicts.concatenate(found)
+
+
 def is_small(
     parts: Tracks,
     n: int,
-    detections: Sequence[Detections],
+    n_points: Sequence[npt.NDArray],
     stamps: Array,
     least_points: float,
     least_time: float,
 ) -> Mask:
     """Return (T,) which of `n` tracks are too small or too short to be bodies in every sight of them without a break.
 
-    parts : all segments of the tracks, sorted by track, then scan.
+    parts : all segments of the tracks, sorted by track, then scan.   n_points : by scan, of all segments.
     """
-    n_points = np.nan_to_num(of_rows(parts, [found.n_points for found in detections]))
+    of_parts = np.nan_to_num(of_rows(parts, n_points))
     first = parts.first_of_sights()
     last = np.append(first[1:], len(parts.track))[: len(first)] - 1
     sight = np.repeat(np.arange(len(first)), last + 1 - first)
     time = stamps[parts.scan[last]] - stamps[parts.scan[first]]
-    is_enough = (np.bincount(sight, n_points, len(first)) >= least_points) & (time >= least_time)
+    is_enough = (np.bincount(sight, of_parts, len(first)) >= least_points) & (time >= least_time)
     return ~np.isin(np.arange(n), parts.track[first[is_enough]])
 
 
-def _bodies(
-    scans: Scans, tracks: Tracks, detections: Sequence[Detections], terms: Sequence[SegmentTerms], workers: int
-) -> tuple[Tracks, Tracks]:
-    """Return the rows of bodies, of the tracklets `tracks` that are one thing, and those of all their parts."""
-    stamps, evidence = scans.frames.stamps, [of_scan.evidence for of_scan in terms]
-    is_moving = judge_tracks(tracks, terms, stamps).is_moving
-    tracks = cut_where_two(tracks, is_moving, of_rows(tracks, evidence), stamps)
-    is_moving = judge_tracks(tracks, terms, stamps).is_moving
-    tracks = _with_whole_boxes(scans, tracks, observed(tracks), is_moving, detections, workers)
-    n_points = np.nan_to_num(of_rows(tracks, [found.n_points for found in detections]))
+def _bodies(scans: Scans, tracks: Tracks, seen: _Seen, workers: int) -> tuple[Tracks, Tracks]:
+    """Return the rows of bodies, of the tracklets `tracks` that are one thing, and those of all their parts.
+
+    Scenery that has to do with no body is left out.
+    """
+    stamps = scans.frames.stamps
+    tracks = cut_where_two(tracks, _judged(tracks, seen, stamps).is_moving, of_rows(tracks, seen.evidence), stamps)
+    is_moving = _judged(tracks, seen, stamps).is_moving
+    _make_whole(scans, tracks, tracks, is_moving, workers)
+    n_points = np.nan_to_num(of_rows(tracks, seen.n_points))
     owner = parts_of_bodies(tracks, is_moving, np.bincount(tracks.track, n_points, len(tracks)))
     is_whole = np.bincount(tracks.track, owner == tracks.track, len(tracks)) > 0
-    links = links_in_time(tracks, is_moving, is_whole, of_rows(tracks, evidence), stamps)
-    return joined(tracks, owner, *links, n_points)
+    ends, beginnings = links_in_time(tracks, is_moving, is_whole, of_rows(tracks, seen.evidence), stamps)
+    kept = ~is_scenery(tracks, is_moving, seen.has_stayed)
+    kept[np.concatenate([ends, beginnings, tracks.track[owner != tracks.track]])] = True
+    number, rows = np.cumsum(kept) - 1, kept[tracks.track]
+    tracks = of_tracks(tracks, kept)
+    return joined(tracks, number[owner[rows]], number[ends], number[beginnings], n_points[rows])
 
 
-def _with_whole_boxes(
-    scans: Scans,
-    tracks: Tracks,
-    parts: Tracks,
-    is_moving: Mask,
-    detections: Sequence[Detections],
-    workers: int,
-) -> Tracks:
-    """Return `tracks` with the whole boxes of moving bodies, and the others as they are, at rest."""
+def _make_whole(scans: Scans, tracks: Tracks, parts: Tracks, is_moving: Mask, workers: int) -> None:
+    """Give moving bodies their whole boxes, in place; the others stay as they are, at rest."""
     rows = np.flatnonzero(is_moving[tracks.track])
-    moving = tracks[rows]
-    moving = replace(moving, center=of_rows(moving, [found.boxes.center for found in detections]))
-    yaw, length = (
-        np.nan_to_num(of_rows(moving, of_scans))
-        for of_scans in ([found.boxes.yaw for found in detections], [found.boxes.size[:, 0] for found in detections])
-    )
-    moving = whole_boxes(scans, moving, parts[np.flatnonzero(is_moving[parts.track])], yaw, length, workers)
-    center, size, yaw = tracks.center.copy(), tracks.size.copy(), tracks.yaw.copy()
-    velocity = np.zeros_like(tracks.velocity)
-    center[rows], size[rows], yaw[rows], velocity[rows] = moving.center, moving.size, moving.yaw, moving.velocity
-    return replace(tracks, center=center, size=size, yaw=yaw, velocity=velocity)
+    moving, parts = tracks[rows], parts[np.flatnonzero(is_moving[parts.track] & parts.is_observed)]
+    own = _segments_of(scans, moving)
+    yaw, length = np.nan_to_num(own.yaw), np.nan_to_num(own.size[:, 0])
+    moving = whole_boxes(scans, replace(moving, center=own.center), parts, yaw, length, workers)
+    tracks.velocity[:] = 0.0
+    for column in ("center", "size", "yaw", "velocity"):
+        getattr(tracks, column)[rows] = getattr(moving, column)
+
+
+def _segments_of(scans: Scans, tracks: Tracks) -> Boxes:
+    """Return (R,) the boxes of the segments themselves, NaN where there is none."""
+    out = Boxes(*(np.full_like(column, np.nan) for column in tracks.boxes.to_arrays().values()))
+    for name, rows in zip(scans.names, tracks.rows_by_scan(len(scans.names)), strict=True):
+        rows = rows[tracks.is_observed[rows]]
+        if len(rows):
+            found = scans.instances.load(name, *out.to_arrays())
+            for column, values in out.to_arrays().items():
+                values[rows] = found[column][tracks.segment[rows]]
+    return out
 
 
 def find_places(

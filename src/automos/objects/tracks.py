@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields, replace
+from itertools import chain
 
 import numpy as np
 import numpy.typing as npt
@@ -46,11 +47,15 @@ class Tracks(ColumnData):
         return f"<Tracks: {len(self)} objects in {len(self.track)} boxes>"
 
     @classmethod
-    def concatenate(cls, parts: list[Tracks]) -> Tracks:
+    def concatenate(cls, parts: Iterable[Tracks]) -> Tracks:
         """Return the rows of all `parts`, sorted by track, then scan."""
         none, nowhere = np.zeros(0, np.int64), np.zeros((0, 3))
-        table = super().concatenate([cls(none, none, none, nowhere, nowhere, np.zeros(0), nowhere), *parts])
-        return table[np.lexsort((table.scan, table.track))]
+        columns: list[list[npt.NDArray]] = [[] for _ in fields(cls)]
+        for part in chain([cls(none, none, none, nowhere, nowhere, np.zeros(0), nowhere)], parts):
+            for column, f in zip(columns, fields(cls), strict=True):
+                column.append(getattr(part, f.name))
+        rows = np.lexsort((np.concatenate(columns[1]), np.concatenate(columns[0])))
+        return cls(*(np.concatenate(columns.pop(0))[rows] for _ in fields(cls)))  # a column at a time is there twice
 
     @classmethod
     def of_segments(cls, track: npt.NDArray, scan: npt.NDArray, segment: npt.NDArray, p_moving: npt.NDArray) -> Tracks:

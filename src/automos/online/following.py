@@ -108,7 +108,7 @@ class Following:
         self._forget(tracks, numbers, terms, stamps, past)
         if not is_followed:
             verdicts = replace(verdicts, verdict=np.full_like(verdicts.verdict, Verdict.STATIC))
-        kept = ~is_scenery(tracks, verdicts, detections)
+        kept = ~is_scenery(tracks, verdicts.is_moving, [found.has_stayed for found in detections])
         rows = np.flatnonzero((tracks.scan == scan) & kept[tracks.track])
         smooth = moving_now(_smooth(tracks, verdicts.is_moving, detections, stamps), verdicts, stamps)
         return Followed(smooth[rows], verdicts, numbers, is_followed)
@@ -126,8 +126,8 @@ class Following:
         of_life = judge_tracks(tracks, terms, stamps, past)
         # What has half the points or the time of a body may be one, seen so far; its pose and evidence may soon change.
         # At the start everything is young, and nothing can be said of what was there before.
-        detections, halves = [step.found for step in steps], (0.5 * MIN_POINTS, 0.5 * MIN_TIME)
-        is_unsure = is_small(observed(tracks), len(tracks), detections, stamps, *halves) & (of_life.confidence < SCRAP)
+        n_points, halves = [step.found.n_points for step in steps], (0.5 * MIN_POINTS, 0.5 * MIN_TIME)
+        is_unsure = is_small(observed(tracks), len(tracks), n_points, stamps, *halves) & (of_life.confidence < SCRAP)
         is_new = tracks.scan[tracks.first_rows()] > 0
         of_life = _not_moving(of_life, of_life.is_moving & is_unsure & is_new)
         late = is_recent[tracks.scan]
