@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +14,7 @@ from automos.core.parallel import map_in_order
 from automos.core.scan import OBJECT, Mask
 from automos.objects.bodies import cut_where_two, joined, links_in_time, parts_of_bodies
 from automos.objects.detections import Detections
-from automos.objects.extents import Scans, whole_boxes
+from automos.objects.extents import Scans, shown_intervals, whole_boxes
 from automos.objects.judge import SegmentTerms, is_scenery, judge_tracks, moving_now, segment_terms
 from automos.objects.object_points import tracks_of_points
 from automos.objects.paper.verdict import judge_by_trajectory, with_speed_as_state
@@ -130,26 +131,12 @@ def _bodies(
 
 
 def _with_whole_boxes(
-    scans: Scans,
-    tracks: Tracks,
-    parts: Tracks,
-    is_moving: Mask,
-    detections: Sequence[Detections],
-    workers: int,
+    scans: Scans, tracks: Tracks, parts: Tracks, is_moving: Mask, detections: Sequence[Detections], workers: int
 ) -> Tracks:
     """Return `tracks` with the whole boxes of moving bodies, and the others as they are, at rest."""
-    rows = np.flatnonzero(is_moving[tracks.track])
-    moving = tracks[rows]
-    moving = replace(moving, center=of_rows(moving, [found.boxes.center for found in detections]))
-    yaw, length = (
-        np.nan_to_num(of_rows(moving, of_scans))
-        for of_scans in ([found.boxes.yaw for found in detections], [found.boxes.size[:, 0] for found in detections])
-    )
-    moving = whole_boxes(scans, moving, parts[np.flatnonzero(is_moving[parts.track])], yaw, length, workers)
-    center, size, yaw = tracks.center.copy(), tracks.size.copy(), tracks.yaw.copy()
-    velocity = np.zeros_like(tracks.velocity)
-    center[rows], size[rows], yaw[rows], velocity[rows] = moving.center, moving.size, moving.yaw, moving.velocity
-    return replace(tracks, center=center, size=size, yaw=yaw, velocity=velocity)
+    parts = parts[np.flatnonzero(is_moving[parts.track])]
+    shown = partial(shown_intervals, scans=scans, parts=parts, workers=workers)
+    return whole_boxes(tracks, is_moving, [found.boxes for found in detections], scans.frames.stamps, shown)
 
 
 def find_places(
