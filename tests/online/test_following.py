@@ -9,7 +9,7 @@ from automos.objects.detections import Detections
 from automos.objects.tracker import Tracker, track_objects, until_last_seen
 from automos.objects.tracking import SCRAP
 from automos.objects.tracks import Tracks
-from automos.online.following import MEMORY, Following
+from automos.online.following import MEMORY, Following, Found
 
 SETTINGS = load_settings("default").tracking
 
@@ -23,7 +23,6 @@ def cars(*x: float) -> Detections:
     return Detections.of_objects(boxes, np.full(n, 100.0), np.full(n, 100.0), np.zeros(n))
 
 
-ASKED = True
 SCANS = [(0.1 * k, cars(1.0 * k, 40.0 - 0.8 * k)) for k in range(12)]
 
 
@@ -48,7 +47,12 @@ def test_a_copy_goes_its_own_way():
         np.testing.assert_array_equal(getattr(fed, name), column)
 
 
-def probability(following: Following, stamp: float, *ahead: tuple[float, Detections]) -> float:
+def seen(stamp: float, found: Detections, is_far: bool = True) -> Found:
+    """Return the segments of a scan taken 20 m behind the origin."""
+    return Found(stamp, found, is_far, np.array([-20.0, 0.0, 1.5]))
+
+
+def probability(following: Following, stamp: float, *ahead: Found) -> float:
     """Return with which probability the one car of a scan has moved."""
     verdicts = following.at(stamp, list(ahead)).verdicts
     return float(np.where(verdicts.is_moving, verdicts.confidence, 1.0 - verdicts.confidence)[0])
@@ -64,9 +68,9 @@ def seen_to_move(share: float, x: float) -> Detections:
 def test_what_appears_for_a_moment_moves_only_if_that_is_sure_but_at_the_start_everything_does(is_at_start):
     following, p = Following(SETTINGS, 0.0), []
     if not is_at_start:
-        following.add(-0.1, cars(), ASKED)
+        following.add(seen(-0.1, cars()))
     for k in range(8):
-        following.add(0.1 * k, seen_to_move(0.3, 1.0 * k), ASKED)
+        following.add(seen(0.1 * k, seen_to_move(0.3, 1.0 * k)))
         verdicts = following.at(0.1 * k, []).verdicts
         p.append((bool(verdicts.is_moving[0]), probability(following, 0.1 * k)))
     assert 0.5 < p[3][1] < SCRAP
@@ -77,18 +81,18 @@ def test_what_appears_for_a_moment_moves_only_if_that_is_sure_but_at_the_start_e
 def test_a_car_is_believed_to_move_more_once_later_scans_saw_its_place_free():
     following = Following(SETTINGS, 0.0)
     for k in range(2):
-        following.add(0.1 * k, seen_to_move(0.3, 1.0 * k), False)
+        following.add(seen(0.1 * k, seen_to_move(0.3, 1.0 * k), is_far=False))
     before = probability(following, 0.1)
     for k in range(2):
-        following.renew(0.1 * k, cars(1.0 * k), True)
+        following.renew(seen(0.1 * k, cars(1.0 * k), is_far=True))
     assert before < probability(following, 0.1) > 0.5
 
 
 def test_what_is_seen_for_the_first_time_is_not_known_to_move():
     following = Following(SETTINGS, 0.0)
-    following.add(0.0, cars(1.0), ASKED)
+    following.add(seen(0.0, cars(1.0)))
     assert probability(following, 0.0) == 0.0
-    following.add(0.1, cars(2.0), ASKED)
+    following.add(seen(0.1, cars(2.0)))
     assert probability(following, 0.1) > 0.5
 
 
@@ -107,13 +111,13 @@ def test_a_car_that_stood_for_seconds_is_believed_to_move_within_half_a_metre():
     following, stood = Following(SETTINGS, 0.0), 40
     for k in range(stood):
         boxes = cars(0.0).boxes
-        following.add(0.1 * k, Detections.of_objects(boxes, np.full(1, 100.0), np.zeros(1), np.full(1, 100.0)), ASKED)
+        following.add(seen(0.1 * k, Detections.of_objects(boxes, np.full(1, 100.0), np.zeros(1), np.full(1, 100.0))))
     assert probability(following, 0.1 * (stood - 1)) < 0.1
     way = [0.02 * j**2 / 2.0 for j in range(1, 12)]  # metres, at 2 m/s^2
     for j, x in enumerate(way):
         share = 100.0 * min(0.4 + x, 1.0)  # of its points, where it was free before: its front has gone on
         found = Detections.of_objects(cars(x).boxes, np.full(1, 100.0), np.full(1, share), np.full(1, 100.0 - share))
-        following.add(0.1 * (stood + j), found, ASKED)
+        following.add(seen(0.1 * (stood + j), found))
         if probability(following, 0.1 * (stood + j)) >= 0.5:
             break
     assert x < 0.5
@@ -123,7 +127,7 @@ def seconds_of(following: Following, begin: float, share: float, speed: float) -
     """Follow the car for three memories; return with which probability it has moved at the end."""
     for k in range(round(3.0 * MEMORY / 0.2)):
         stamp = begin + 0.2 * k
-        following.add(stamp, seen_to_move(share, speed * k * 0.2), ASKED)
+        following.add(seen(stamp, seen_to_move(share, speed * k * 0.2)))
         p = probability(following, stamp)
     return p
 
@@ -131,7 +135,7 @@ def seconds_of(following: Following, begin: float, share: float, speed: float) -
 def test_what_has_moved_is_known_to_have_moved_however_long_it_waits():
     following = Following(SETTINGS, 0.0)
     for k in range(30):
-        following.add(0.1 * k, seen_to_move(1.0, 0.2 * k - 5.8), ASKED)
+        following.add(seen(0.1 * k, seen_to_move(1.0, 0.2 * k - 5.8)))
         following.at(0.1 * k, [])
     assert seconds_of(following, 3.0, 0.0, 0.0) > 0.9
 
@@ -139,7 +143,23 @@ def test_what_has_moved_is_known_to_have_moved_however_long_it_waits():
 def test_a_doubt_of_a_moment_does_not_stay():
     following, p = Following(SETTINGS, 0.0), []
     for k in range(12):
-        following.add(0.1 * k, seen_to_move(0.4, 0.0), ASKED)
+        following.add(seen(0.1 * k, seen_to_move(0.4, 0.0)))
         p.append(probability(following, 0.1 * k))
     assert max(p) > 0.4
     assert seconds_of(following, 1.2, 0.0, 0.0) < 0.1
+
+
+def test_what_a_car_shows_of_itself_may_change_while_it_stands_and_it_moves_once_its_rear_does():
+    following, rear = Following(SETTINGS, 0.0), 0.0
+    p = []
+    for k in range(60):
+        rear += 0.1 if k < 10 or k >= 50 else 0.0  # metres: it drives, stands, and drives again
+        length = 4.0 if k % 3 else 1.0  # its front is seen in two scans of three
+        boxes = Boxes(
+            np.array([[rear + 0.5 * length, 0.0, 1.0]]), np.array([[length, 2.0, 1.5]]), np.zeros(1), np.ones(1)
+        )
+        following.add(seen(0.1 * k, Detections.of_objects(boxes, *np.full((2, 1), 300.0), np.zeros(1))))
+        here = following.at(0.1 * k, []).here
+        p.append(here.p_moving[0] if len(here.track) else 0.0)
+    assert max(p[25:50]) < 0.2
+    assert p[-1] > 0.5

@@ -5,6 +5,7 @@ stands. In that heading, the points of every scan span an interval along, across
 the body's life are its extent, and the face towards the sensor says where the body is at that moment.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -13,7 +14,8 @@ import numpy.typing as npt
 
 from automos.core.geometry import Array
 from automos.core.parallel import map_in_order
-from automos.core.scan import Frames
+from automos.core.scan import Frames, Mask
+from automos.core.upright_boxes import Boxes
 from automos.core.workspace import Stage
 from automos.objects.kinds import whole_extent
 from automos.objects.motion import smooth_paths
@@ -39,25 +41,58 @@ class Scans:
     instances: Stage
 
 
-def whole_boxes(scans: Scans, tracks: Tracks, parts: Tracks, yaw: Array, length: Array, workers: int) -> Tracks:
-    """Return `tracks` with the whole boxes and velocities of its bodies.
+Intervals = tuple[Array, Array, Array]
+"""What bodies show in each row of a table: see `shown_intervals`."""
 
-    tracks : the rows of bodies, sorted by body, then scan; their centres are those of the main segments.
-    parts : all segments of the bodies, rows as of tracks.   yaw, length : (R,) of the main segments' own boxes.
+
+def make_whole(
+    tracks: Tracks,
+    is_moving: Mask,
+    stamps: Array,
+    own: Callable[[Tracks], Boxes],
+    shown: Callable[[Tracks], Intervals],
+) -> None:
+    """Give what moves (T,) whole boxes and velocities, in place; the others stay as they are, at rest.
+
+    Parameters
+    ----------
+    stamps : (N,) seconds.
+    own : returns the boxes of the segments of rows, NaN where there is none.
+    shown : returns what bodies show in rows.
     """
-    first = np.append(np.flatnonzero(np.diff(tracks.track, prepend=-1)), len(tracks.track))
-    times = scans.frames.stamps[tracks.scan]
-    measured, extent = np.where(tracks.is_observed[:, None], tracks.center, np.nan), tracks.size
+    rows = np.flatnonzero(is_moving[tracks.track])
+    whole = _whole_boxes(tracks[rows], stamps, own, shown)
+    tracks.velocity[:] = 0.0
+    for column in ("center", "size", "yaw", "velocity"):
+        getattr(tracks, column)[rows] = getattr(whole, column)
+
+
+def _whole_boxes(
+    body: Tracks, stamps: Array, own: Callable[[Tracks], Boxes], shown: Callable[[Tracks], Intervals]
+) -> Tracks:
+    """Return the rows of bodies with their whole boxes and velocities; see `make_whole`."""
+    first = np.append(np.flatnonzero(np.diff(body.track, prepend=-1)), len(body.track))
+    times, boxes = stamps[body.scan], own(body)
+    measured, yaw, length = boxes.center, np.nan_to_num(boxes.yaw), np.nan_to_num(boxes.size[:, 0])
     for _ in range(ROUNDS):
-        path, velocity, variance = smooth_paths(first, times, measured)
-        heading = headings(first, times, velocity, variance, yaw, length)
-        tracks = replace(tracks, center=path, yaw=heading, velocity=velocity)
-        low, high, origin = shown_intervals(scans, tracks, parts, workers)
-        extent = extents(first, low, high, np.hypot(velocity[:, 0], velocity[:, 1]))
-        measured = centers(tracks, low, high, origin, extent)
+        body = _along(body, first, times, measured, yaw, length)
+        low, high, origin = shown(body)
+        body = replace(body, size=extents(first, low, high))
+        measured = centers(body, low, high, origin)
+    # What is added to what a body showed lies behind it: its place there changes with the place of the sensor.
+    speed = np.hypot(*body.velocity[:, :2].T)
+    fastest = np.array([np.quantile(speed[begin:end], SHOWN) for begin, end in pairwise(first)])
+    whole = replace(body, size=np.repeat(whole_extent(body.size[first[:-1]], fastest), np.diff(first), axis=0))
+    behind = centers(whole, low, high, origin) - measured
+    body = _along(body, first, times, measured, yaw, length)
+    return replace(body, size=whole.size, center=body.center + smooth_paths(first, times, behind)[0])
+
+
+def _along(body: Tracks, first: Rows, times: Array, measured: Array, yaw: Array, length: Array) -> Tracks:
+    """Return the rows of bodies on smooth paths through the `measured` centres (R, 3)."""
     path, velocity, variance = smooth_paths(first, times, measured)
     heading = headings(first, times, velocity, variance, yaw, length)
-    return replace(tracks, center=path, size=extent, yaw=heading, velocity=velocity)
+    return replace(body, center=path, yaw=heading, velocity=velocity)
 
 
 def headings(first: Rows, times: Array, velocity: Array, variance: Array, yaw: Array, length: Array) -> Array:
@@ -91,7 +126,7 @@ def headings(first: Rows, times: Array, velocity: Array, variance: Array, yaw: A
     return out + np.where(agree, off * of_motion**2 / (of_motion**2 + of_side**2), 0.0)
 
 
-def shown_intervals(scans: Scans, tracks: Tracks, parts: Tracks, workers: int) -> tuple[Array, Array, Array]:
+def shown_intervals(tracks: Tracks, scans: Scans, parts: Tracks, workers: int) -> Intervals:
     """Return low and high ends (R, 3) of the points of each row about its box's centre, along, across and above it.
 
     Third is the place of the sensor (R, 3) in these coordinates. All are NaN in scans without points.
@@ -119,26 +154,36 @@ def shown_intervals(scans: Scans, tracks: Tracks, parts: Tracks, workers: int) -
     return out[0], out[1], out[2]
 
 
-def extents(first: Rows, low: Array, high: Array, speed: Array) -> Array:
-    """Return (R, 3) the extent of each row's body, from the intervals that it showed and its speed (R,)."""
-    n = np.diff(first)
-    shown, fastest = np.zeros((len(n), 3)), np.zeros(len(n))
+def boxed_intervals(tracks: Tracks, own: Boxes, origin: Array) -> Intervals:
+    """Return what `shown_intervals` does, from the boxes of the segments of all rows.
+
+    origin : (N, 3) metres, the place of the sensor in each scan.
+    """
+    c, s = np.abs(np.cos(own.yaw - tracks.yaw)), np.abs(np.sin(own.yaw - tracks.yaw))
+    length, width, height = 0.5 * own.size.T
+    half = np.stack([c * length + s * width, s * length + c * width, height], axis=-1)
+    center = _turned(own.center - tracks.center, -tracks.yaw)
+    return center - half, center + half, _turned(origin[tracks.scan] - tracks.center, -tracks.yaw)
+
+
+def extents(first: Rows, low: Array, high: Array) -> Array:
+    """Return (R, 3) what each row's body showed of its extent, from its intervals in all scans."""
+    shown = np.zeros((len(first) - 1, 3))
     for k, (begin, end) in enumerate(pairwise(first)):
         intervals = (high - low)[begin:end]
         intervals = intervals[np.isfinite(intervals[:, 0])]
         if len(intervals):
             shown[k] = np.quantile(intervals, SHOWN, axis=0)
-        fastest[k] = np.quantile(speed[begin:end], SHOWN)
-    return np.repeat(whole_extent(shown, fastest), n, axis=0)
+    return np.repeat(shown, np.diff(first), axis=0)
 
 
-def centers(tracks: Tracks, low: Array, high: Array, origin: Array, extent: Array) -> Array:
-    """Return (R, 3) the centres of boxes of `extent` whose faces towards the sensor, and whose tops, are those seen."""
-    half = 0.5 * extent
+def centers(tracks: Tracks, low: Array, high: Array, origin: Array) -> Array:
+    """Return (R, 3) the centres of the boxes whose faces towards the sensor, and whose tops, are those seen."""
+    half = 0.5 * tracks.size
     middle = 0.5 * (low + high)
     towards_high, towards_low = origin > high, origin < low
     towards_high[:, 2], towards_low[:, 2] = True, False  # the ground hides what is low
-    is_hidden = high - low < extent
+    is_hidden = high - low < tracks.size
     center = np.where(is_hidden & towards_high, high - half, np.where(is_hidden & towards_low, low + half, middle))
     return tracks.center + _turned(center, tracks.yaw)
 

@@ -51,7 +51,7 @@ BODY, PIECE, POROUS, UNSTEADY = 1.8, -3.2, -0.5, -0.8  # log-odds of moving per 
 LEAST_SOLID = 0.1  # lower limit of solidity relative to that of a solid face
 DISPLACED, LEFT = 0.9, -2.3  # log-odds of a way: per factor e of it over its standard deviation, and of none
 SPEED = 5.0  # m/s, scale of the velocities of movers
-JUMPS = 0.05  # share of looks in which a body's box says the opposite: it is cut or joined with another
+JUMPS = 0.01  # share of looks in which a body's box says the opposite: it is cut or joined with another
 CHANGE = 0.1  # per second, rates at which movers set off and come to rest
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from automos.core.scan import OBJECT, Mask
 from automos.core.upright_boxes import Boxes
 from automos.objects.bodies import cut_where_two, joined, links_in_time, parts_of_bodies
 from automos.objects.detections import Detections
-from automos.objects.extents import Scans, whole_boxes
+from automos.objects.extents import Scans, make_whole, shown_intervals
 from automos.objects.judge import SegmentTerms, is_scenery, judge_tracks, moving_now, segment_terms
 from automos.objects.object_points import tracks_of_points
 from automos.objects.paper.verdict import judge_by_trajectory, with_speed_as_state
@@ -170,14 +171,9 @@ def _bodies(scans: Scans, tracks: Tracks, seen: _Seen, workers: int) -> tuple[Tr
 
 def _make_whole(scans: Scans, tracks: Tracks, parts: Tracks, is_moving: Mask, workers: int) -> None:
     """Give moving bodies their whole boxes, in place; the others stay as they are, at rest."""
-    rows = np.flatnonzero(is_moving[tracks.track])
-    moving, parts = tracks[rows], parts[np.flatnonzero(is_moving[parts.track] & parts.is_observed)]
-    own = _segments_of(scans, moving)
-    yaw, length = np.nan_to_num(own.yaw), np.nan_to_num(own.size[:, 0])
-    moving = whole_boxes(scans, replace(moving, center=own.center), parts, yaw, length, workers)
-    tracks.velocity[:] = 0.0
-    for column in ("center", "size", "yaw", "velocity"):
-        getattr(tracks, column)[rows] = getattr(moving, column)
+    parts = parts[np.flatnonzero(is_moving[parts.track] & parts.is_observed)]
+    shown = partial(shown_intervals, scans=scans, parts=parts, workers=workers)
+    make_whole(tracks, is_moving, scans.frames.stamps, partial(_segments_of, scans), shown)
 
 
 def _segments_of(scans: Scans, tracks: Tracks) -> Boxes:

@@ -8,14 +8,16 @@ remain that a track moves and has moved; so what has moved is called moving, how
 import copy
 from collections import deque
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.core.scan import Mask
+from automos.core.upright_boxes import Boxes
 from automos.objects.detections import Detections
+from automos.objects.extents import boxed_intervals, make_whole
 from automos.objects.judge import Past, SegmentTerms, is_scenery, judge_tracks, moving_now, past_of, segment_terms
-from automos.objects.motion import smooth_paths
 from automos.objects.tracker import Tracker, can_follow, until_last_seen
 from automos.objects.tracking import MIN_POINTS, MIN_TIME, SCRAP, is_small
 from automos.objects.tracks import Tracks, observed, of_rows
@@ -53,10 +55,21 @@ class Followed:
     is_followed: bool
 
 
+class Found(NamedTuple):
+    """The segments of the scan at `stamp`, seconds, and the place of the sensor (3,), metres.
+
+    is_far : whether some of the scans with which it was compared are a second or more away.
+    """
+
+    stamp: float
+    segments: Detections
+    is_far: bool
+    origin: npt.NDArray[np.float64]
+
+
 @dataclass(frozen=True, eq=False)
 class _Step:
-    stamp: float
-    found: Detections
+    found: Found
     rows: Tracks
     terms: SegmentTerms
 
@@ -77,31 +90,25 @@ class Following:
         """Number of the next new object."""
         return self._tracker.next_track
 
-    def add(self, stamp: float, found: Detections, is_far: bool) -> None:
-        """Track all objects into the next scan, whose segments `found` are final.
+    def add(self, found: Found) -> None:
+        """Track all objects into the next scan, whose segments `found` are final."""
+        self._steps.append(_next_step(self._tracker, found))
 
-        is_far : whether some of the scans with which it was compared are a second or more away.
-        """
-        rows, terms = self._tracker.step(stamp, found), segment_terms(found, is_far)
-        self._steps.append(_Step(stamp, found, rows, terms))
-
-    def renew(self, stamp: float, found: Detections, is_far: bool) -> None:
-        """Update the segments of the scan at `stamp`, if it is still held."""
+    def renew(self, found: Found) -> None:
+        """Update the segments of a scan, if it is still held."""
         for k, step in enumerate(self._steps):
-            if step.stamp == stamp:
-                self._steps[k] = replace(step, found=found, terms=segment_terms(found, is_far))
+            if step.found.stamp == found.stamp:
+                self._steps[k] = replace(step, found=found, terms=segment_terms(found.segments, found.is_far))
 
-    def at(self, stamp: float, ahead: list[tuple[float, Detections]]) -> Followed:
-        """Return the objects of the scan at `stamp`; `ahead` are the segments not added yet, with their times."""
+    def at(self, stamp: float, ahead: list[Found]) -> Followed:
+        """Return the objects of the scan at `stamp`; `ahead` are the segments not added yet."""
         tracker = copy.copy(self._tracker)
-        steps = list(self._steps)
-        for t, found in ahead:
-            steps.append(_Step(t, found, tracker.step(t, found), segment_terms(found, is_asked=False)))
-        scan = next(k for k, step in enumerate(steps) if step.stamp == stamp)
-        stamps = np.array([step.stamp for step in steps])
+        steps = [*self._steps, *(_next_step(tracker, found) for found in ahead)]
+        stamps = np.array([step.found.stamp for step in steps])
+        scan = int(np.flatnonzero(stamps == stamp)[0])
         is_followed = can_follow(stamps)
         tracks, numbers = _through(steps, scan)
-        detections = [step.found for step in steps]
+        detections = [step.found.segments for step in steps]
         terms, nothing = [step.terms for step in steps], (-np.inf, 0.0, 0.0)
         past = Past(*np.array([self._past.get(k, nothing) for k in numbers.tolist()]).reshape(-1, len(nothing)).T)
         verdicts = self._judged(tracks, steps, terms, stamps, stamps > stamp - RECENT, past)
@@ -110,8 +117,8 @@ class Following:
             verdicts = replace(verdicts, verdict=np.full_like(verdicts.verdict, Verdict.STATIC))
         kept = ~is_scenery(tracks, verdicts.is_moving, [found.has_stayed for found in detections])
         rows = np.flatnonzero((tracks.scan == scan) & kept[tracks.track])
-        smooth = moving_now(_smooth(tracks, verdicts.is_moving, detections, stamps), verdicts, stamps)
-        return Followed(smooth[rows], verdicts, numbers, is_followed)
+        _make_whole(tracks, verdicts.is_moving, steps, stamps)
+        return Followed(moving_now(tracks, verdicts, stamps)[rows], verdicts, numbers, is_followed)
 
     def _judged(
         self,
@@ -126,7 +133,7 @@ class Following:
         of_life = judge_tracks(tracks, terms, stamps, past)
         # What has half the points or the time of a body may be one, seen so far; its pose and evidence may soon change.
         # At the start everything is young, and nothing can be said of what was there before.
-        n_points, halves = [step.found.n_points for step in steps], (0.5 * MIN_POINTS, 0.5 * MIN_TIME)
+        n_points, halves = [step.found.segments.n_points for step in steps], (0.5 * MIN_POINTS, 0.5 * MIN_TIME)
         is_unsure = is_small(observed(tracks), len(tracks), n_points, stamps, *halves) & (of_life.confidence < SCRAP)
         is_new = tracks.scan[tracks.first_rows()] > 0
         of_life = _not_moving(of_life, of_life.is_moving & is_unsure & is_new)
@@ -148,7 +155,7 @@ class Following:
         past: Past,
     ) -> None:
         """Drop scans that are too old, but for what they say of the tracks."""
-        is_over = stamps < self._steps[-1].stamp - self._memory
+        is_over = stamps < self._steps[-1].found.stamp - self._memory
         if is_over.any():
             past = past_of(tracks, terms, stamps, past, is_over)
             alive = {*self._tracker.numbers.tolist(), *numbers.tolist()}
@@ -165,16 +172,20 @@ def _not_moving(verdicts: Verdicts, which: Mask) -> Verdicts:
     return Verdicts(np.where(which, np.int8(Verdict.STATIC), verdicts.verdict), np.where(which, 1.0 - p, p))
 
 
-def _smooth(
-    tracks: Tracks, is_moving: npt.NDArray[np.bool_], detections: list[Detections], stamps: npt.NDArray[np.float64]
-) -> Tracks:
-    """Return `tracks` with smoothed centres and velocities of the moving ones."""
-    rows = np.flatnonzero(is_moving[tracks.track])
-    first = np.append(np.flatnonzero(np.diff(tracks.track[rows], prepend=-1)), len(rows))
-    measured = of_rows(tracks[rows], [found.boxes.center for found in detections])
-    center, velocity = tracks.center.copy(), tracks.velocity.copy()
-    center[rows], velocity[rows], _ = smooth_paths(first, stamps[tracks.scan[rows]], measured)
-    return replace(tracks, center=center, velocity=velocity)
+def _next_step(tracker: Tracker, found: Found) -> _Step:
+    """Return the next step of `tracker`, which it changes."""
+    return _Step(found, tracker.step(found.stamp, found.segments), segment_terms(found.segments, found.is_far))
+
+
+def _make_whole(tracks: Tracks, is_moving: Mask, steps: list[_Step], stamps: npt.NDArray[np.float64]) -> None:
+    """Give what moves whole boxes, in place, from the boxes of the segments: of points there are none any more."""
+    columns = [step.found.segments.boxes.to_arrays() for step in steps]
+    origin = np.array([step.found.origin for step in steps])
+
+    def own(body: Tracks) -> Boxes:
+        return Boxes(*(of_rows(body, [of_scan[name] for of_scan in columns]) for name in columns[0]))
+
+    make_whole(tracks, is_moving, stamps, own, lambda body: boxed_intervals(body, own(body), origin))
 
 
 def _through(steps: list[_Step], scan: int) -> tuple[Tracks, npt.NDArray[np.int64]]:

@@ -21,13 +21,11 @@ from automos.objects.detect import recount
 from automos.objects.detections import Detections
 from automos.objects.instances import segment_frame
 from automos.online.evidence import EvidenceWindow
-from automos.online.following import FEW
+from automos.online.following import FEW, Found
 from automos.online.renewal import Renewal
 from automos.online.sighting import Sighting, Sightings
 from automos.settings import Settings
 
-Found = tuple[float, Detections, bool]
-"""A scan's stamp in seconds, its segments, and whether it was compared with scans a second or more away."""
 GROWN = 1.0
 """Seconds after which the evidence of a scan is updated for the tracks, if it was first computed earlier."""
 AGAIN = 3
@@ -57,15 +55,15 @@ class Segmented:
         Segments of earlier scans with updated evidence.
     settled : list of Found
         Final segments, scan by scan.
-    ahead : list[tuple[float, Detections]]
-        Preliminary segments of the scans after those, with their stamps.
+    ahead : list of Found
+        Preliminary segments of the scans after those.
     due : list of SegmentedScan
         The scans whose lag has passed.
     """
 
     renewed: list[Future[Found]]
     settled: list[Found]
-    ahead: list[tuple[float, Detections]]
+    ahead: list[Found]
     due: list[SegmentedScan]
 
 
@@ -82,9 +80,9 @@ class _Held:
     n_compared: int = 0
     is_settled: bool = False
 
-    @property
-    def detections(self) -> Detections:
-        return Detections.from_arrays(self.segments or {})
+    def found(self, is_far: bool) -> Found:
+        """Return its segments, with whether it was compared with scans a second or more away."""
+        return Found(self.stamp, Detections.from_arrays(self.segments or {}), is_far, self.frame.origin_level)
 
 
 class Segmenting:
@@ -178,11 +176,11 @@ class Segmenting:
     def _start_update(self, held: _Held, is_far: bool) -> list[Future[Found]]:
         if held.seen is None or held.segments is None:
             return []
-        compare = self._window.comparison(held.stamp, held.seen)
+        compare, found = self._window.comparison(held.stamp, held.seen), held.found(is_far)
 
         def recounted(segments: Arrays = held.segments) -> Found:
             ids, stayed, about = segments["ids"], segments["stayed"], self._settings.instances.components
-            return held.stamp, recount(Detections.from_arrays(segments), ids, stayed, compare(None), about), is_far
+            return found._replace(segments=recount(found.segments, ids, stayed, compare(None), about))
 
         return [self._pool.submit(recounted)]
 
@@ -202,7 +200,7 @@ class Segmenting:
     def _release(self, now: float, renewed: list[Future[Found]]) -> Segmented:
         """Return the results that are final or due at `now`, seconds, and drop data no longer needed."""
         settled = [found for held in self._held if not held.is_settled for found in self._settled(held, now)]
-        ahead = [(h.stamp, h.detections) for h in self._held if not h.is_settled and h.segments is not None]
+        ahead = [h.found(is_far=False) for h in self._held if not h.is_settled and h.segments is not None]
         due = []
         while self._held and self._held[0].stamp <= now - self._lag + 1e-6:
             held = self._held.popleft()
@@ -221,4 +219,4 @@ class Segmenting:
             return []
         if self._settle < GROWN:
             self._growing.append(held)
-        return [(held.stamp, held.detections, self._is_far(held))]
+        return [held.found(self._is_far(held))]

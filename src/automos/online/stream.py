@@ -10,10 +10,9 @@ import numpy.typing as npt
 from automos.core.errors import InputError
 from automos.core.labels import Label
 from automos.core.scan import Pose, Scan
-from automos.objects.detections import Detections
 from automos.objects.labels import InScan, label_points
 from automos.objects.tracking import TrackedObjects
-from automos.online.following import Followed, Following
+from automos.online.following import Followed, Following, Found
 from automos.online.labelled_scan import LabelledScan, is_unknown, objects_of
 from automos.online.segmenting import Segmented, SegmentedScan, Segmenting
 from automos.settings import Settings
@@ -56,9 +55,9 @@ class Stream:
     def follow(self, segmented: Segmented) -> Iterator[LabelledScan]:
         """Yield the scans whose lag has passed; call with `segmented` in order."""
         for done in segmented.renewed:
-            self._following.renew(*done.result())
+            self._following.renew(done.result())
         for found in segmented.settled:
-            self._following.add(*found)
+            self._following.add(found)
         for scan in segmented.due:
             yield self._paint(scan, segmented.ahead)
 
@@ -66,7 +65,7 @@ class Stream:
         """Yield the remaining scans."""
         yield from self.follow(self._segmenting.finish())
 
-    def _paint(self, scan: SegmentedScan, ahead: list[tuple[float, Detections]]) -> LabelledScan:
+    def _paint(self, scan: SegmentedScan, ahead: list[Found]) -> LabelledScan:
         frame = scan.frame
         if scan.segments is None or scan.about is None:
             return LabelledScan.of_nothing(scan.number, scan.stamp, frame.T_level_sensor, frame.n_points)
