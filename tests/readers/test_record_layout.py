@@ -123,6 +123,25 @@ def test_a_file_that_was_cut_is_told_by_name_though_other_columns_would_fit(tmp_
         open_sequence(folder)
 
 
+def test_heights_that_go_on_from_beam_to_beam_are_no_times(tmp_path):
+    turn, tilt = (grid.ravel() for grid in np.meshgrid(np.arange(120), np.arange(128), indexing="ij"))
+    ranges = 8.0 + 4.0 * np.sin(turn / 9.0)
+    azimuth, elevation = 2.0 * np.pi * turn / 120.0, np.radians(-22.5 + 45.0 * tilt / 127.0)
+    level = ranges * np.cos(elevation)
+    one = {"x": level * np.cos(azimuth), "y": level * np.sin(azimuth), "z": ranges * np.sin(elevation)}
+    scans = [{**one, "intensity": np.random.default_rng(i).random(len(turn))} for i in range(3)]
+    sequence = open_sequence(write(tmp_path / "log", RECORDS["x,y,z,intensity"], scans))
+    np.testing.assert_allclose(sequence[1].points, points_of(scans[1]), atol=1e-6)
+
+
+def test_a_place_that_the_direction_of_height_and_width_explains_is_no_time(tmp_path):
+    rng = np.random.default_rng(0)
+    turn = rng.uniform(-np.pi, np.pi, 6000)
+    one = {"x": 4.0 * turn, "y": 5.0 * np.cos(turn), "z": 5.0 * np.sin(turn), "intensity": rng.random(6000)}
+    sequence = open_sequence(write(tmp_path / "log", RECORDS["x,y,z,intensity"], [one, one]))
+    np.testing.assert_allclose(sequence[0].points, points_of(one), atol=1e-6)
+
+
 @pytest.mark.parametrize("flag", [lambda c: c["x"] > 3.0, lambda c: np.where(c["x"] > 3.0, -0.0, 0.0)])
 def test_a_flag_is_no_time(tmp_path, scans, flag):
     flagged = [{**columns, "none": flag(columns)} for columns in scans]

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.scan import MIN_RANGE
-from automos.readers.columns import is_measured
+from automos.readers.columns import MAX_SWEEP, is_measured
 from automos.readers.layouts import LAYOUTS, parse_columns, spell_columns
 from automos.readers.records import SHARE, are_lengths
 
@@ -105,7 +105,8 @@ def _coordinates(rows: Rows, kind: str) -> npt.NDArray[np.float64] | None:
     is_number = is_whole.any() and not is_whole.all()
     is_share = (known.min(axis=0) >= 0.0) & (known.max(axis=0) <= 1.0)  # no sweep lies within a metre
     is_other = is_number or is_share.any() or not np.ptp(known[:, :2], axis=0).all()
-    is_other = is_other or any(map(_goes_on, known.T)) or _is_time(known[:, 0], known[:, [1, 2, 2]])
+    is_clock = known[:, 0].min() >= 0.0 or known[:, 0].max() <= 0.0 or np.ptp(known[:, 0]) <= MAX_SWEEP
+    is_other = is_other or any(map(_goes_once, known.T)) or (is_clock and _is_time(known[:, 0], known[:, [1, 2, 2]]))
     return None if is_other and len(known) > ENOUGH else xyz
 
 
@@ -175,6 +176,12 @@ def _goes_on(values: npt.NDArray) -> bool:
     """Return whether (N,) `values` hardly ever turn back from one to the next."""
     ahead, behind = (values[1:] > values[:-1]).mean(), (values[1:] < values[:-1]).mean()
     return bool(max(ahead, behind) > 0 and min(ahead, behind) < 1.0 - _GOING and max(ahead, behind) > 0.01)
+
+
+def _goes_once(values: npt.NDArray) -> bool:
+    """Return whether (N,) `values` go on, and not anew again and again, as heights do from beam to beam of a column."""
+    there_and_back = np.abs(np.diff(values)).sum() / np.ptp(values) if np.ptp(values) else 0.0
+    return bool(there_and_back < np.sqrt(len(values)) and _goes_on(values))
 
 
 def _explains(groups: npt.NDArray, values: npt.NDArray, counted: npt.NDArray[np.bool_]) -> bool:
