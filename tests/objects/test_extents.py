@@ -1,0 +1,80 @@
+import numpy as np
+import pytest
+
+from automos.core.upright_boxes import Boxes
+from automos.objects.extents import boxed_intervals, make_whole
+from automos.objects.tracks import Tracks
+
+
+def rows(n: int, center: np.ndarray) -> Tracks:
+    """Return one track of n scans."""
+    here = np.arange(n)
+    return Tracks(
+        np.zeros(n, np.int64), here, np.zeros(n, np.int64), center, np.ones((n, 3)), np.zeros(n), np.zeros((n, 3))
+    )
+
+
+def made_whole(own: Boxes, origin: np.ndarray) -> Tracks:
+    """Return the whole boxes of a body of which each scan shows one of the boxes `own`, ten scans a second."""
+    tracks = rows(len(own), own.center.copy())
+    make_whole(
+        tracks,
+        np.ones(1, np.bool_),
+        0.1 * np.arange(len(own)),
+        lambda body: own[body.scan],
+        lambda body: boxed_intervals(body, own[body.scan], origin),
+    )
+    return tracks
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi])
+def test_the_interval_of_a_box_is_its_length_along_its_heading_and_its_width_along_its_side(turn):
+    own = Boxes(np.array([[10.0, 2.0, 1.0]]), np.array([[4.0, 2.0, 1.5]]), np.array([0.3]), np.ones(1))
+    track = rows(1, np.array([[9.0, 2.0, 1.0]]))
+    track.yaw[:] = 0.3 + turn
+    low, high, _ = boxed_intervals(track, own, np.zeros((1, 3)))
+    half = 0.5 * np.array([4.0, 2.0, 1.5] if abs(np.cos(turn)) > 0.5 else [2.0, 4.0, 1.5])
+    np.testing.assert_allclose(0.5 * (high - low)[0], half)
+    angle = 0.3 + turn  # the box is a metre ahead of the track along x
+    np.testing.assert_allclose(0.5 * (high + low)[0], [np.cos(angle), -np.sin(angle), 0.0], atol=1e-12)
+
+
+def test_the_place_of_the_sensor_is_told_along_the_heading():
+    track = rows(2, np.array([[10.0, 0.0, 1.0], [12.0, 0.0, 1.0]]))
+    track.yaw[:] = 0.5 * np.pi
+    own = Boxes(track.center, np.ones((2, 3)), np.zeros(2), np.ones(2))
+    np.testing.assert_allclose(
+        boxed_intervals(track, own, np.array([[0.0, 0.0, 0.0], [2.0, 3.0, 1.0]]))[2],
+        [[0.0, 10.0, -1.0], [3.0, 10.0, 0.0]],
+        atol=1e-12,
+    )
+
+
+def test_a_car_that_stands_has_no_velocity_though_its_front_comes_into_sight_and_goes():
+    rear = np.concatenate([np.arange(20) * 0.5, np.full(30, 10.0)])
+    length = np.where(np.arange(50) % 3 == 0, 1.0, 4.0)
+    center = np.column_stack([rear + 0.5 * length, np.zeros(50), np.ones(50)])
+    own = Boxes(center, np.column_stack([length, np.full(50, 1.8), np.full(50, 1.5)]), np.zeros(50), np.ones(50))
+    found = made_whole(own, np.tile([-20.0, 0.0, 1.5], (50, 1)))
+    assert np.abs(found.velocity[25:]).max() < 0.2
+    np.testing.assert_allclose(found.velocity[5:15, 0], 5.0, atol=0.3)
+    np.testing.assert_allclose(found.size, np.tile([4.0, 1.8, 1.5], (50, 1)))
+    np.testing.assert_allclose(found.center[30:, 0], 12.0, atol=0.1)
+
+
+def test_what_a_body_never_showed_is_behind_it_and_moves_it_not_as_the_sensor_passes():
+    n = 60
+    own = Boxes(np.tile([0.0, 5.0, 0.9], (n, 1)), np.tile([0.2, 0.2, 1.7], (n, 1)), np.zeros(n), np.ones(n))
+    origin = np.column_stack([np.linspace(-10.0, 10.0, n), np.zeros(n), np.full(n, 1.5)])
+    found = made_whole(own, origin)
+    assert np.abs(found.velocity).max() < 0.05
+    assert (found.size[:, :2] > 0.3).all()  # those of a person
+    assert (found.center[:, 1] > 5.1).all()
+
+
+def test_what_does_not_move_keeps_its_box_at_rest():
+    tracks = rows(3, np.zeros((3, 3)))
+    tracks.velocity[:] = 2.0
+    make_whole(tracks, np.zeros(1, np.bool_), np.arange(3.0), lambda body: body.boxes, lambda body: (body.center,) * 3)
+    assert not tracks.velocity.any()
+    np.testing.assert_array_equal(tracks.size, 1.0)
