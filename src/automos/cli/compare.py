@@ -35,7 +35,7 @@ def compare(
         list[str] | None, typer.Option(help="NAME=FOLDER of .label files from another program; repeatable")
     ] = None,
     repeat: Annotated[
-        int, typer.Option(min=1, max=100, help="how often each method is run; seconds are the median")
+        int, typer.Option(min=1, max=100, help="how often each method runs; seconds are the median")
     ] = 1,
     calib: Calib = None,
     set_: Overrides = None,
