@@ -34,9 +34,7 @@ def compare(
     predictions: Annotated[
         list[str] | None, typer.Option(help="NAME=FOLDER of .label files from another program; repeatable")
     ] = None,
-    repeat: Annotated[
-        int, typer.Option(min=1, max=100, help="how often each method runs; seconds are the median")
-    ] = 1,
+    repeat: Annotated[int, typer.Option(min=1, max=100, help="how often each method runs; seconds are the median")] = 1,
     calib: Calib = None,
     set_: Overrides = None,
     format: Format = None,
