@@ -67,7 +67,7 @@ def test_help_shows_examples(automos):
     [
         (["segment", "LOG", "--weights", "none.pt"], "none.pt does not exist: give a checkpoint"),
         (["segment", "nowhere"], "nowhere does not exist"),
-        (["reproduce", "table9"], "there is no experiment 'table9': choose table2 or table3"),
+        (["reproduce", "table9"], "there is no experiment 'table9': choose table2, table3 or network"),
         (["reproduce", "table2", "--train", "LOG"], "need all of --train, --validation and --test"),
         (["train", "--data", "LOG="], "names no results folder after '='"),
         (["train", "--data", "LOG", "--set", "network.model.chanels=8"], "did you mean 'network.model.channels'"),
