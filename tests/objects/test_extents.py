@@ -22,7 +22,7 @@ def made_whole(own: Boxes, origin: np.ndarray) -> Tracks:
         np.ones(1, np.bool_),
         0.1 * np.arange(len(own)),
         lambda body: own[body.scan],
-        lambda body: boxed_intervals(body, own[body.scan], origin),
+        lambda body, boxes: boxed_intervals(body, boxes, origin),
     )
     return tracks
 
@@ -75,6 +75,8 @@ def test_what_a_body_never_showed_is_behind_it_and_moves_it_not_as_the_sensor_pa
 def test_what_does_not_move_keeps_its_box_at_rest():
     tracks = rows(3, np.zeros((3, 3)))
     tracks.velocity[:] = 2.0
-    make_whole(tracks, np.zeros(1, np.bool_), np.arange(3.0), lambda body: body.boxes, lambda body: (body.center,) * 3)
+    make_whole(
+        tracks, np.zeros(1, np.bool_), np.arange(3.0), lambda body: body.boxes, lambda body, _: (body.center,) * 3
+    )
     assert not tracks.velocity.any()
     np.testing.assert_array_equal(tracks.size, 1.0)

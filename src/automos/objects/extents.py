@@ -50,7 +50,7 @@ def make_whole(
     is_moving: Mask,
     stamps: Array,
     own: Callable[[Tracks], Boxes],
-    shown: Callable[[Tracks], Intervals],
+    shown: Callable[[Tracks, Boxes], Intervals],
 ) -> None:
     """Give what moves (T,) whole boxes and velocities, in place; the others stay as they are, at rest.
 
@@ -58,7 +58,7 @@ def make_whole(
     ----------
     stamps : (N,) seconds.
     own : returns the boxes of the segments of rows, NaN where there is none.
-    shown : returns what bodies show in rows.
+    shown : returns what bodies show in rows, of which the second argument is `own`.
     """
     rows = np.flatnonzero(is_moving[tracks.track])
     whole = _whole_boxes(tracks[rows], stamps, own, shown)
@@ -68,7 +68,7 @@ def make_whole(
 
 
 def _whole_boxes(
-    body: Tracks, stamps: Array, own: Callable[[Tracks], Boxes], shown: Callable[[Tracks], Intervals]
+    body: Tracks, stamps: Array, own: Callable[[Tracks], Boxes], shown: Callable[[Tracks, Boxes], Intervals]
 ) -> Tracks:
     """Return the rows of bodies with their whole boxes and velocities; see `make_whole`."""
     first = np.append(np.flatnonzero(np.diff(body.track, prepend=-1)), len(body.track))
@@ -76,7 +76,7 @@ def _whole_boxes(
     measured, yaw, length = boxes.center, np.nan_to_num(boxes.yaw), np.nan_to_num(boxes.size[:, 0])
     for _ in range(ROUNDS):
         body = _along(body, first, times, measured, yaw, length)
-        low, high, origin = shown(body)
+        low, high, origin = shown(body, boxes)
         body = replace(body, size=extents(first, low, high))
         measured = centers(body, low, high, origin)
     # What is added to what a body showed lies behind it: its place there changes with the place of the sensor.

@@ -17,7 +17,7 @@ from automos.core.scan import OBJECT, Mask
 from automos.core.upright_boxes import Boxes
 from automos.objects.bodies import cut_where_two, joined, links_in_time, parts_of_bodies
 from automos.objects.detections import Detections
-from automos.objects.extents import Scans, make_whole, shown_intervals
+from automos.objects.extents import Intervals, Scans, make_whole, shown_intervals
 from automos.objects.judge import SegmentTerms, is_scenery, judge_tracks, moving_now, segment_terms
 from automos.objects.object_points import tracks_of_points
 from automos.objects.paper.verdict import judge_by_trajectory, with_speed_as_state
@@ -172,7 +172,10 @@ def _bodies(scans: Scans, tracks: Tracks, seen: _Seen, workers: int) -> tuple[Tr
 def _make_whole(scans: Scans, tracks: Tracks, parts: Tracks, is_moving: Mask, workers: int) -> None:
     """Give moving bodies their whole boxes, in place; the others stay as they are, at rest."""
     parts = parts[np.flatnonzero(is_moving[parts.track] & parts.is_observed)]
-    shown = partial(shown_intervals, scans=scans, parts=parts, workers=workers)
+
+    def shown(body: Tracks, _: Boxes) -> Intervals:
+        return shown_intervals(body, scans, parts, workers)
+
     make_whole(tracks, is_moving, scans.frames.stamps, partial(_segments_of, scans), shown)
 
 

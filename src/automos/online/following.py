@@ -8,6 +8,7 @@ remain that a track moves and has moved; so what has moved is called moving, how
 import copy
 from collections import deque
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -185,7 +186,7 @@ def _make_whole(tracks: Tracks, is_moving: Mask, steps: list[_Step], stamps: npt
     def own(body: Tracks) -> Boxes:
         return Boxes(*(of_rows(body, [of_scan[name] for of_scan in columns]) for name in columns[0]))
 
-    make_whole(tracks, is_moving, stamps, own, lambda body: boxed_intervals(body, own(body), origin))
+    make_whole(tracks, is_moving, stamps, own, partial(boxed_intervals, origin=origin))
 
 
 def _through(steps: list[_Step], scan: int) -> tuple[Tracks, npt.NDArray[np.int64]]:
