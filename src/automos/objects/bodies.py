@@ -21,7 +21,7 @@ from scipy.sparse.csgraph import connected_components
 
 from automos.core.scan import Mask
 from automos.objects.association import assign
-from automos.objects.judge import looks
+from automos.objects.looks import looks
 from automos.objects.motion import ACCELERATION, NOISE, smooth_paths
 from automos.objects.tracker import until_last_seen
 from automos.objects.tracks import Tracks, observed

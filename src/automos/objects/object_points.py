@@ -60,9 +60,8 @@ def paint_objects(
             # Of the other sides, a kind's usual one may be farther than the body's own.
             low = np.r_[min(low[0], own[0].min()), own[1:].min(axis=1)]
             high = np.r_[max(high[0], own[0].max()), own[1:].max(axis=1)]
-        rows = _find_near(points, center, np.hypot(*np.maximum(-low[:2], high[:2])) + RINGS[-1] + margin)
-        local = _in_box(points[rows], center, turn)
-        outside = np.maximum(low[:2, None] - local[:2], local[:2] - high[:2, None]).max(axis=0)
+        reach = np.hypot(*np.maximum(-low[:2], high[:2])) + RINGS[-1] + margin
+        rows, local, outside = _around(points, center, turn, low[:2], high[:2], reach)
         is_mine = (outside <= margin) & (local[2] <= high[2] + margin) & may_move[rows] & (track_of[rows] < 0)
         distances = outside[is_ground[rows] & (outside > margin)] - margin
         ring = next((ring for ring in RINGS if np.count_nonzero(distances <= ring) >= MIN_GROUND), RINGS[0])
@@ -100,14 +99,21 @@ def _stands(points: Array, ground: Array) -> Mask:
 
 
 @kernel
-def _find_near(points, center, reach):  # type: ignore[no-untyped-def]
-    """Return the rows of points whose x and y are within `reach` of those of `center`."""
-    rows, n = np.empty(len(points), np.int32), 0
+def _around(points, center, turn, low, high, reach):  # type: ignore[no-untyped-def]
+    """Return the rows (K,) of points whose x and y are within `reach` of those of `center`, and where they are.
+
+    Second and third are their coordinates in the box (3, K), see `_in_box`, and how far (K,) they are outside its
+    sides, from `low` to `high` along and across it, metres.
+    """
+    rows, local, outside, n = np.empty(len(points), np.int32), np.empty((3, len(points))), np.empty(len(points)), 0
     for i in range(len(points)):
-        if abs(points[i, 0] - center[0]) <= reach and abs(points[i, 1] - center[1]) <= reach:
-            rows[n] = i
+        x, y = points[i, 0] - center[0], points[i, 1] - center[1]
+        if abs(x) <= reach and abs(y) <= reach:
+            along, across = turn[0] * x + turn[1] * y, turn[0] * y - turn[1] * x
+            rows[n], local[0, n], local[1, n], local[2, n] = i, along, across, points[i, 2] - center[2]
+            outside[n] = max(low[0] - along, along - high[0], low[1] - across, across - high[1])
             n += 1
-    return rows[:n]
+    return rows[:n], local[:, :n], outside[:n]
 
 
 def find_moved(ids: Ids, found: Detections) -> Mask:
