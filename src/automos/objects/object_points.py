@@ -67,7 +67,9 @@ def paint_objects(
         ring = next((ring for ring in RINGS if np.count_nonzero(distances <= ring) >= MIN_GROUND), RINGS[0])
         is_beside = is_ground[rows] & (outside > margin) & (outside <= ring + margin)
         must_stand = is_ground[rows] | (segment >= 0)
-        is_mine &= ~must_stand | _stands(local, local[:, is_beside])
+        # Far away, where hardly any ground is seen, a body's own lowest part is taken for it: more in it than around it.
+        is_alone = segment >= 0 and np.count_nonzero(is_ground[rows] & (outside <= margin)) > np.count_nonzero(is_beside)
+        is_mine &= ~must_stand | _stands(local, local[:, is_beside], is_alone)
         track_of[rows[is_mine]] = moving.track[k]
     return track_of
 
@@ -85,11 +87,11 @@ def _in_box(points: npt.NDArray, center: Array, turn: tuple[float, float]) -> Ar
     return np.stack([c * x + s * y, c * y - s * x, z])
 
 
-def _stands(points: Array, ground: Array) -> Mask:
-    """Return (K,) which of `points` (3, K) are above the plane of the `ground` (3, G) beside them."""
+def _stands(points: Array, ground: Array, if_unknown: bool) -> Mask:
+    """Return (K,) which of `points` (3, K) are above the plane of the `ground` (3, G) beside them, if it is known."""
     n = ground.shape[1]
     if n < MIN_GROUND:
-        return np.zeros(points.shape[1], np.bool_)
+        return np.full(points.shape[1], if_unknown)
     base = np.stack([*ground[:2], np.ones(n)])
     moments = base @ ground[2]
     plane = np.linalg.solve(base @ base.T + np.diag([1e-3 * n, 1e-3 * n, 0.0]), moments)
