@@ -35,7 +35,7 @@ from automos.core.scan import Mask
 from automos.objects.detections import Detections
 from automos.objects.face_paths import path_terms
 from automos.objects.looks import looks, share_first_looks
-from automos.objects.motion import NOISE
+from automos.objects.motion import ACCELERATION, NOISE
 from automos.objects.states import later, state_probabilities
 from automos.objects.tracks import Tracks
 from automos.objects.verdict import Verdict, Verdicts
@@ -50,7 +50,6 @@ BEGIN, END = 0.003, 0.02  # changes of state per second
 BODY, PIECE, POROUS, UNSTEADY = 1.8, -3.2, -0.5, -0.8  # log-odds of moving per look: of all, and per unit of a term
 LEAST_SOLID = 0.1  # lower limit of solidity relative to that of a solid face
 DISPLACED, LEFT = 0.9, -2.3  # log-odds of a way: per factor e of it over its standard deviation, and of none
-SPEED = 5.0  # m/s, scale of the velocities of movers
 JUMPS = 0.01  # share of looks in which a body's box says the opposite: it is cut or joined with another
 CHANGE = 0.1  # per second, rates at which movers set off and come to rest
 
@@ -174,15 +173,17 @@ def _weighted(
 def moving_now(tracks: Tracks, verdicts: Verdicts, stamps: Array) -> Tracks:
     """Return `tracks` with the probability of moving in every scan, from the smoothed velocities of their boxes.
 
-    While a body stands its velocity is zero up to the noise of the smoother, and that of a mover has heavy tails. A
-    body that has moved with probability p moves at a scan with p times the probability that follows.
+    While a body stands its velocity is zero up to the noise of the smoother. That of a mover has heavy tails, about
+    what it has a second after it set off, as later nothing is in doubt. Velocities within the smoother's time constant,
+    before and after, are one. What has moved with probability p moves at a scan with p times the probability that
+    follows.
     """
     first = np.searchsorted(tracks.track, np.arange(len(tracks) + 1))
     squared = (tracks.velocity[:, :2] ** 2).sum(axis=1)
-    moves = -1.5 * np.log1p(squared / SPEED**2) - 2.0 * np.log(SPEED)  # Cauchy in the plane
+    moves = -1.5 * np.log1p(squared / ACCELERATION**2) - 2.0 * np.log(ACCELERATION)  # Cauchy in the plane
     stands = -0.5 * squared / NOISE**2 - 2.0 * np.log(NOISE)  # NOISE over a second
     times = stamps[tracks.scan]
-    ratio = _doubted(moves - stands, JUMPS) * looks(first, times, 1.0)
+    ratio = _doubted(moves - stands, JUMPS) * looks(first, times, 2.0 * np.sqrt(NOISE / ACCELERATION))
     even = np.full(len(tracks), 0.5)
     p_moving, _ = state_probabilities(first, times, ratio, even, even, CHANGE, CHANGE)
     p_ever = np.where(verdicts.is_moving, verdicts.confidence, 1.0 - verdicts.confidence)

@@ -67,9 +67,10 @@ def paint_objects(
         ring = next((ring for ring in RINGS if np.count_nonzero(distances <= ring) >= MIN_GROUND), RINGS[0])
         is_beside = is_ground[rows] & (outside > margin) & (outside <= ring + margin)
         must_stand = is_ground[rows] | (segment >= 0)
-        # Far away, where hardly any ground is seen, a body's own lowest part is taken for it: more in it than around it.
-        is_alone = segment >= 0 and np.count_nonzero(is_ground[rows] & (outside <= margin)) > np.count_nonzero(is_beside)
-        is_mine &= ~must_stand | _stands(local, local[:, is_beside], is_alone)
+        # Far away little ground is seen, and a body's lowest part is taken for it: more in it than around it.
+        n_inside = int(np.count_nonzero(is_ground[rows] & (outside <= margin)))
+        is_own = bool(segment >= 0 and n_inside > np.count_nonzero(is_beside))
+        is_mine &= ~must_stand | _stands(local, local[:, is_beside], is_own)
         track_of[rows[is_mine]] = moving.track[k]
     return track_of
 
