@@ -51,7 +51,7 @@ class Case:
 
 
 def _kept(**about: object) -> Case:
-    return Case(Convention(**about))  # type: ignore[arg-type]
+    return Case(Convention(**about))
 
 
 def _made(**about: object) -> Case:

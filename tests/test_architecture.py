@@ -49,7 +49,6 @@ OF_TORCH = {
     *(
         "automos.network.callbacks",
         "automos.network.module",
-        "automos.network.rangenet",
         "automos.network.salsanext",
         "automos.network.training",
     ),

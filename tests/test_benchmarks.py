@@ -13,7 +13,6 @@ sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
 import ablation
 import bodies
 import catalog
-import compare
 import experiment
 import lags
 import recordings
@@ -136,12 +135,12 @@ def test_a_change_gives_settings_and_constants_other_values_and_names_what_it_do
 def test_what_got_worse_is_named_and_better_is_not():
     before = [labelled("city:VLP-16:60:1", 0.9, 5), labelled("country:VLP-16:60:1", 0.0, 3, 0)]
     after = [labelled("city:VLP-16:60:1", 0.88, 5), labelled("country:VLP-16:60:1", 0.0, 9, 0, called_moving=9)]
-    said = "\n".join(compare.verdicts(after, before))
+    said = "\n".join(run.verdicts(after, before))
     assert "city:VLP-16:60:1 fell from 90.0 to 88.0" in said
     assert "mean of VLP-16 fell from 90.0 to 88.0" in said
     assert "points called moving where nothing moves grew from 7 to 9" in said
-    assert compare.verdicts(before, before) == ["[green]nothing is worse in 2 experiments"]
-    assert compare.verdicts(before, []) == ["nothing to compare with"]
+    assert run.verdicts(before, before) == ["[green]nothing is worse in 2 experiments"]
+    assert run.verdicts(before, []) == ["nothing to compare with"]
 
 
 def test_the_gate_has_a_row_a_world_and_means_over_worlds_in_which_something_moves():

@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from automos.baselines.batches import BatchSize, tiled
 from automos.baselines.erasor import Parameters, find_moving
 from automos.baselines.erasor_bins import Volume, polar_bins
-from automos.baselines.submaps import cut_submaps
 from automos.core.geometry import inverse, make_transform, transform
 from automos.core.scan import Frame
 
@@ -216,10 +216,11 @@ def test_a_scan_without_points_has_no_candidates_and_disturbs_no_other():
 def test_submaps_tile_the_recording_and_are_bounded(steps, max_scans, max_length):
     travelled = np.cumsum([0.0, *steps])
     origins = np.column_stack([travelled, np.zeros((len(travelled), 2))])
-    submaps = cut_submaps(origins, max_scans, max_length)
-    own = [k for _, _, own_first, own_last in submaps for k in range(own_first, own_last)]
+    submaps = tiled(origins, BatchSize(max_scans, max_length))
+    own = [k for submap in submaps for k in submap.own]
     assert own == list(range(len(origins)))
-    for first, last, own_first, own_last in submaps:
+    for frames, own in submaps:
+        first, last, own_first, own_last = frames.start, frames.stop, own.start, own.stop
         assert 0 <= first <= own_first < own_last <= last <= len(origins)
         assert last - first <= max_scans
         assert travelled[last - 1] - travelled[first] <= max_length + 1e-9
@@ -227,19 +228,19 @@ def test_submaps_tile_the_recording_and_are_bounded(steps, max_scans, max_length
 
 def test_a_submap_reaches_on_past_its_own_scans_on_both_sides():
     origins = np.column_stack([np.arange(400.0), np.zeros((400, 2))])  # a metre a scan
-    submaps = cut_submaps(origins, 1000, 80.0)
+    submaps = tiled(origins, BatchSize(1000, 80.0))
     # own ranges of 40 m hold 41 posts of the fence, and 20 m more on either side
-    assert submaps[1] == (41 - 20, 41 + 41 + 20, 41, 82)
+    assert submaps[1] == (range(41 - 20, 41 + 41 + 20), range(41, 82))
 
 
 def test_a_recording_of_one_scan_is_one_submap():
-    assert cut_submaps(np.zeros((1, 3)), 200, 160.0) == [(0, 1, 0, 1)]
+    assert tiled(np.zeros((1, 3)), BatchSize(200, 160.0)) == [(range(1), range(1))]
 
 
 @pytest.mark.parametrize("start", [0, 3, 7, 11])
 def test_candidates_can_be_found_from_any_scan_on(start):
     clouds = [np.concatenate([ground(), post(2.01, x=8.65 + 0.2 * i)]) for i in range(12)]
-    parameters = Parameters(**ONE_BIN, submap_scans=6)
+    parameters = Parameters(**ONE_BIN, batch=BatchSize(scans=6))
     whole = dict(find_moving(make_frames(clouds), parameters))
     rest = dict(find_moving(make_frames(clouds), parameters, start))
     assert list(rest) == list(range(start, 12))
@@ -250,7 +251,7 @@ def test_candidates_can_be_found_from_any_scan_on(start):
 def test_what_leaves_only_after_its_submap_is_still_seen_to_leave():
     # submaps of 10 own scans and 5 more on either side; the post stands in the first ten scans and is gone then
     clouds = [np.concatenate([ground(), post(2.01)])] * 10 + [ground()] * 10
-    found = candidates(clouds, submap_scans=20)
+    found = candidates(clouds, batch=BatchSize(scans=20))
     assert all(found[i][64:].all() for i in range(10))
 
 

@@ -14,6 +14,7 @@ from automos.cli.demo import run_demo
 from automos.core.errors import InputError
 from automos.settings import load_settings
 from automos.views.topdown import COLORS
+from automos.views.verdicts import MOVING
 
 ALONE = """
 import socket, sys
@@ -46,7 +47,7 @@ def test_it_draws_and_reports_without_a_network_or_torch(tmp_path):
     assert _run(folder, "16") > 0.7
     assert "IoU of the moving class" in (folder / "report.md").read_text()
     picture = (255 * imread(folder / "street.png")[..., :3]).round().astype(int)
-    green = [int(COLORS["true moving"][k : k + 2], 16) for k in (1, 3, 5)]
+    green = [int(COLORS[MOVING][1][k : k + 2], 16) for k in (1, 3, 5)]
     assert np.count_nonzero(np.abs(picture - green).max(axis=2) < 8) > 500
     is_grey = (np.ptp(picture, axis=2) < 12) & (picture.max(axis=2) < 215)
     assert np.count_nonzero(is_grey) > 10_000

@@ -102,16 +102,6 @@ def test_several_read_one_copy_at_a_time(store, tmp_path):
         assert one == other
 
 
-def test_fetching_ahead_fetches_if_there_is_room_and_never_waits(store, tmp_path):
-    cache = Cache(tmp_path, int(2.5 * MB))
-    cache.fetch_ahead("memory://bucket/a").join(timeout=10)
-    assert len(copies(tmp_path)) == 2
-    with cache.copy_of("memory://bucket/a"), cache.copy_of("memory://bucket/b"):
-        cache.fetch_ahead("memory://bucket/c").join(timeout=10)
-    assert copies(tmp_path) == {f"{name}/00000{i}.bin" for name in "ab" for i in range(2)}
-    cache.fetch_ahead("memory://bucket/nothing").join(timeout=10)  # is told to who asks for it, not here
-
-
 def test_a_copy_cut_off_half_way_does_not_count(store, tmp_path, monkeypatch):
     from automos.fleet import storage
 

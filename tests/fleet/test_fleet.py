@@ -148,14 +148,3 @@ def test_threads_are_shared_by_those_who_work(run):
     executor = Scripted(lambda o, n: DONE, slots=4)
     run("a", executor)
     assert [order.threads for order in executor.orders] == [8]
-
-
-def test_the_recording_to_fetch_ahead_is_the_one_whose_turn_comes_next(run):
-    executor = Scripted(lambda o, n: DONE, slots=2)
-    run("abcde", executor, source="s3://bucket/")
-    ahead = [order.ahead and order.ahead[-1] for order in executor.orders]
-    # slots are taken by a and b: c is next when the first of them ends, d when the second does
-    assert ahead == ["c", "d", "e", None, None]
-    executor = Scripted(lambda o, n: DONE, slots=2)
-    run("abcde", executor, source="/disk/")
-    assert {order.ahead for order in executor.orders} == {None}

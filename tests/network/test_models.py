@@ -11,11 +11,10 @@ def image(n: int = 1, residuals: int = 8, height: int = 16, width: int = 64):
     return torch.rand(n, 5 + residuals, height, width, generator=torch.Generator().manual_seed(0)) * 20
 
 
-@pytest.mark.parametrize("name", ["salsanext", "rangenet"])
 @pytest.mark.parametrize("residuals", [0, 3])
 @pytest.mark.parametrize("size", [(16, 64), (32, 96)])
-def test_every_pixel_gets_three_logits(name, residuals, size):
-    network = LMNet(ImageSettings(residuals=residuals), ModelSettings(name=name, channels=4)).eval()
+def test_every_pixel_gets_three_logits(residuals, size):
+    network = LMNet(ImageSettings(residuals=residuals), ModelSettings(channels=4)).eval()
     assert network(image(2, residuals, *size)).shape == (2, len(Class), *size)
 
 

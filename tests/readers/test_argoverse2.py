@@ -9,6 +9,7 @@ from street_log import OBJECTS, assert_points_lie_in_their_boxes, assert_same_po
 from automos.core.errors import InputError, MissingExtraError
 from automos.core.geometry import inverse, make_transform, transform
 from automos.readers import open_sequence
+from automos.readers.box_truth import DrawnTruth
 
 pyarrow = pytest.importorskip("pyarrow")
 feather = pytest.importorskip("pyarrow.feather")
@@ -207,7 +208,7 @@ def test_the_published_sample_is_read_with_its_own_dynamic_flags_as_truth(av2_sa
 def test_boxes_of_the_published_sample_call_no_dynamic_point_static(av2_sample):
     sequence = open_sequence(av2_sample)
     is_dynamic = (sequence.truth(0) & 0xFFFF) == 251
-    from_boxes = sequence._from_boxes(0) & 0xFFFF
+    from_boxes = DrawnTruth.truth(sequence, 0) & 0xFFFF
     assert not (from_boxes[is_dynamic] == 9).any()
     assert (from_boxes[is_dynamic] == 251).mean() > 0.9
     assert (from_boxes[~is_dynamic] == 251).mean() < 0.01  # what moves at another time of the log

@@ -10,7 +10,7 @@ from street_log import assert_same_points, street_log
 
 from automos.core.errors import InputError
 from automos.readers import find_recordings, open_sequence
-from automos.readers.bag_file import unpack
+from automos.readers.bag_chunks import ChunkedFile, unpack
 
 
 def messages_of(log):
@@ -132,20 +132,15 @@ def test_no_more_is_unpacked_than_is_asked_for(kind):
         unpack(packed, "rar", 10)
 
 
-def test_opening_a_thousand_scans_reads_their_headers_and_few_of_them(tmp_path):
+def test_opening_a_thousand_scans_reads_their_headers_and_few_of_them(monkeypatch, tmp_path):
     rng = np.random.default_rng(0)
     columns = {axis: rng.normal(size=20_000).astype("f4") for axis in "xyz"}
     messages = [(10**8 * k, 1.0 + 0.1 * k, cloud(columns, gap=0)) for k in range(1000)]
     path = write_bag(tmp_path / "log.bag", {"/points": messages})
     read = []
-    from automos.readers import bag_file
-
-    original = bag_file.BagFile._bytes
-    try:
-        bag_file.BagFile._bytes = lambda self, *of: read.append(of[-1]) or original(self, *of)
-        sequence = open_sequence(path)
-        assert sum(read) < 20 * 240_000 + 1000 * 5000
-        assert sum(n > 200_000 for n in read) <= 20
-    finally:
-        bag_file.BagFile._bytes = original
+    original = ChunkedFile._bytes
+    monkeypatch.setattr(ChunkedFile, "_bytes", lambda self, *of: read.append(of[-1]) or original(self, *of))
+    sequence = open_sequence(path)
+    assert sum(read) < 20 * 240_000 + 1000 * 5000
+    assert sum(n > 200_000 for n in read) <= 20
     assert len(sequence) == 1000

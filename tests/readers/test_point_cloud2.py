@@ -8,7 +8,8 @@ from bags import cloud, write_bag
 
 from automos.core.errors import InputError
 from automos.readers import open_sequence
-from automos.readers.point_cloud2 import header_end, header_frame, header_stamp, read_columns
+from automos.readers.point_cloud2 import header_frame, header_stamp, read_columns
+from automos.readers.wire import Wire
 
 
 def message(height, width, row_step, data, step=12, big=False):
@@ -86,4 +87,7 @@ def test_headers_are_read_as_they_lie(is_ros2, big, frame):
     raw = start + b"".join(value.to_bytes(4, order) for value in (1700000000, 250_000_000, len(name))) + name
     assert header_stamp(raw, is_ros2) == 1700000000.25
     assert header_frame(raw, is_ros2) == frame.strip("/")
-    assert header_end(raw, is_ros2) == len(raw) + (-len(raw) % 4 if is_ros2 else 0)
+    here = Wire.behind_header(raw + bytes(3) + bytes(4), is_ros2)
+    here.align(4)
+    assert here.at == len(raw) + (-len(raw) % 4 if is_ros2 else 0)
+    assert here.packed(258) == (258).to_bytes(4, order)

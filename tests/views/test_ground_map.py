@@ -6,8 +6,9 @@ import io
 import matplotlib.image
 import numpy as np
 
-from automos.views.ground_map import MISSED, MOVES, REACH, STANDS, GroundMap
+from automos.views.ground_map import REACH, GroundMap
 from automos.views.png import palette_png
+from automos.views.verdicts import MISSED, MOVING, STATIC
 
 
 def read(address):
@@ -24,7 +25,7 @@ def test_a_palette_picture_is_read_back_by_another_library():
 def test_points_are_drawn_where_they_are_in_the_layer_of_their_kind():
     made = GroundMap(np.zeros((1, 3)))
     points = np.array([[10.0, 20.0, 0.0], [10.0, 20.0, 2.9], [-30.0, 5.0, 1.0], [1.0, -40.0, 0.0], [1e4, 0, 0]])
-    made.add(points, np.array([STANDS, STANDS, MOVES, MISSED, MOVES], np.uint8))
+    made.add(points, np.array([STATIC, STATIC, MOVING, MISSED, MOVING], np.uint8))
     page = made.to_page()
     assert list(page["layers"]) == ["static", "moving", "missed"]  # nothing false, so no layer of it
     for layer, (x, y) in {"static": (10.0, 20.0), "moving": (-30.0, 5.0), "missed": (1.0, -40.0)}.items():

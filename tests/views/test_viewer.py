@@ -15,16 +15,8 @@ from automos.core.errors import InputError, MissingExtraError
 from automos.results.open_run import open_run
 from automos.views import rerun_log
 from automos.views.rerun_layout import blueprint
-from automos.views.rerun_log import (
-    FALSE,
-    MISSED,
-    MOVING,
-    STATIC,
-    UNLABELED,
-    log_run,
-    make_recording,
-    point_kinds,
-)
+from automos.views.rerun_log import log_run, make_recording
+from automos.views.verdicts import FALSE, MISSED, MOVING, STATIC, UNLABELED, verdicts
 from automos.views.viewer import Viewer, save_recording
 
 rerun = pytest.importorskip("rerun", reason="the viewer is not installed: pip install '.[view]'")
@@ -33,8 +25,8 @@ rerun = pytest.importorskip("rerun", reason="the viewer is not installed: pip in
 def test_points_are_wrong_only_where_the_truth_says_so():
     labels = np.array([0, 9, 251, 9, 251, 251, 0], np.uint16)
     truth = np.array([9, 40, 252, 252, 40, 0, 251], np.uint32)
-    assert point_kinds(labels, truth).tolist() == [UNLABELED, STATIC, MOVING, MISSED, FALSE, MOVING, MISSED]
-    assert point_kinds(labels, None).tolist() == [UNLABELED, STATIC, MOVING, STATIC, MOVING, MOVING, UNLABELED]
+    assert verdicts(labels, truth).tolist() == [UNLABELED, STATIC, MOVING, MISSED, FALSE, MOVING, MISSED]
+    assert verdicts(labels, None).tolist() == [UNLABELED, STATIC, MOVING, STATIC, MOVING, MOVING, UNLABELED]
 
 
 def test_a_file_holds_points_boxes_tracks_trajectory_and_curves(lane_run, tmp_path):

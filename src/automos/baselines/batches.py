@@ -14,7 +14,6 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.baselines.brick_grid import BrickGrid
-from automos.baselines.submaps import cut_submaps
 from automos.core.scan import Frame, Frames, Mask
 from automos.core.voxels import VoxelMap
 
@@ -48,10 +47,36 @@ class Batch(NamedTuple):
 
 
 def cut_batches(frames: Frames, size: BatchSize, start: int = 0) -> Iterator[Batch]:
-    """Yield batches whose own frames tile the recording from `start` on, in order; cut as ERASOR's submaps are."""
-    for first, last, own_first, own_last in cut_submaps(frames.T_level_sensor[:, :3, 3], size.scans, size.length):
-        if own_last > start:
-            yield Batch(range(first, last), range(max(own_first, start), own_last))
+    """Yield batches whose own frames tile the recording from `start` on, in order."""
+    for batch in tiled(frames.T_level_sensor[:, :3, 3], size):
+        if batch.own.stop > start:
+            yield Batch(batch.frames, range(max(batch.own.start, start), batch.own.stop))
+
+
+def tiled(origins: npt.NDArray, size: BatchSize) -> list[Batch]:
+    """Return batches whose own scans tile a recording, from where the sensor was in each, `origins` (N, 3), metres.
+
+    A batch extends beyond its own scans on both sides, so that an object at their end is still observed to leave. Both
+    scans and metres are bounded: a parked car records thousands of scans in one place, while a motorway drive leaves a
+    place within seconds.
+    """
+    n = len(origins)
+    travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(origins, axis=0), axis=1))])[:n]
+    batches = []
+    own_first = 0
+    half_scans, half_length = size.scans // 2, size.length / 2
+    while own_first < n:
+        own_last = int(np.searchsorted(travelled, travelled[own_first] + half_length, side="right"))
+        own_last = min(own_last, own_first + half_scans, n)
+        if n - own_last < half_scans // 2 and travelled[-1] - travelled[own_last - 1] < half_length / 2:
+            own_last = n  # no short rest at the end
+        reach_back = int(np.searchsorted(travelled, travelled[own_first] - half_length / 2))
+        reach_on = int(np.searchsorted(travelled, travelled[own_last - 1] + half_length / 2, side="right"))
+        first = max(reach_back, own_first - half_scans // 2, 0)
+        last = min(reach_on, own_last + half_scans // 2, n)
+        batches.append(Batch(range(first, last), range(own_first, own_last)))
+        own_first = own_last
+    return batches
 
 
 def is_within(frame: Frame, max_range: float, min_range: float = 0.0) -> Mask:

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from automos.baselines.batches import BATCH, BatchSize, cut_batches
 from automos.baselines.erasor_bins import Rules, Volume, compare_bins
-from automos.baselines.submaps import cut_submaps
 from automos.core.geometry import inverse, transform
 from automos.core.kernels import kernel
 from automos.core.scan import Frames, Mask
@@ -50,8 +50,8 @@ class Parameters:
         Metres; nearer points are the ego body.
     every : int
         Scans per comparison with the map.
-    submap_scans, submap_length : int, float
-        Scans and metres driven of a submap. Ours: they bound memory; a car is visible for less.
+    batch : BatchSize
+        Of a submap.
     """
 
     version: int = 3
@@ -68,8 +68,7 @@ class Parameters:
     plane: tuple[float, int, int, int, float] = (0.5, 5, 20, 3, 0.25)
     ego_radius: float = 2.7
     every: int = 4
-    submap_scans: int = 200
-    submap_length: float = 160.0
+    batch: BatchSize = BATCH
 
     @property
     def volume(self) -> Volume:
@@ -88,11 +87,8 @@ def find_moving(frames: Frames, parameters: Parameters, start: int = 0) -> Itera
 
     frames : Frames, of a recording.   start : int, index of the first frame to return.
     """
-    origins = frames.T_level_sensor[:, :3, 3]
-    for first, last, own_first, own_last in cut_submaps(origins, parameters.submap_scans, parameters.submap_length):
-        if own_last > start:
-            own = range(max(own_first, start), own_last)
-            yield from zip(own, clean_submap(frames, range(first, last), own, parameters), strict=True)
+    for submap, own in cut_batches(frames, parameters.batch, start):
+        yield from zip(own, clean_submap(frames, submap, own, parameters), strict=True)
 
 
 def clean_submap(frames: Frames, submap: range, own: range, parameters: Parameters) -> Iterator[Mask]:

@@ -14,11 +14,11 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.baselines.depth_images import DepthImage, Stack, Window, draw, stack
-from automos.baselines.event_clusters import complete_clusters
 from automos.baselines.m_detector_parameters import Parameters
 from automos.baselines.neighbours_in_time import scans_at
 from automos.baselines.occlusion_tests import find_along_ray, find_crossing, leave_out_standing
 from automos.baselines.range_image import ImageShape, shape_for
+from automos.baselines.regions import label_regions
 from automos.core.geometry import inverse
 from automos.core.scan import Frame, Frames, Mask
 from automos.evidence.ground import find_ground
@@ -99,3 +99,24 @@ class _Tests:
 def _between(T_level_there: npt.NDArray, T_level_here: npt.NDArray) -> npt.NDArray[np.float32]:
     """Return (3, 4) float32, the transform from one sensor frame to another."""
     return (inverse(T_level_there) @ T_level_here)[:3].astype(np.float32)
+
+
+def complete_clusters(points: npt.NDArray, is_event: Mask, is_object: Mask, parameters: Parameters) -> Mask:
+    """Return (M,) bool: clusters of events, enough of the objects in their box, and what touches them there.
+
+    points : (M, 3) metres, z up.   is_object : (M,) what is not ground; events on the ground are dropped.
+    """
+    out = np.zeros(len(points), bool)
+    events, objects = np.flatnonzero(is_event & is_object), np.flatnonzero(is_object)
+    if not len(events):
+        return out
+    cluster_of, voxel_of = label_regions(points[events], parameters.cluster_voxel, parameters.cluster_reach)
+    for members in np.split(np.argsort(cluster_of, kind="stable"), np.cumsum(np.bincount(cluster_of))[:-1]):
+        if len(np.unique(voxel_of[members])) < parameters.cluster_voxels:
+            continue
+        low, high = points[events[members]].min(axis=0), points[events[members]].max(axis=0)
+        inside = objects[((points[objects] >= low) & (points[objects] <= high)).all(axis=1)]
+        if is_event[inside].mean() >= parameters.cluster_share:
+            region_of, _ = label_regions(points[inside], parameters.cluster_voxel, 1)
+            out[inside[np.isin(region_of, region_of[is_event[inside]])]] = True
+    return out

@@ -4,12 +4,9 @@ A copy is made whole or does not count. While somebody reads it, it is locked, a
 removing those unused for longest. Files keep the store's times, so that a recording fetched again is the same one.
 """
 
-import contextlib
 import json
-import logging
 import os
 import shutil
-import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -18,10 +15,9 @@ from pathlib import Path, PurePosixPath
 from typing import IO
 
 from automos.core.claims import COPIES, claim
-from automos.core.errors import AutomosError, InputError
+from automos.core.errors import InputError
 from automos.fleet.storage import THREADS, Entry, Store, key_of, shown
 
-_log = logging.getLogger(__name__)
 _POLL_S = 0.5
 
 
@@ -47,25 +43,6 @@ class Cache:
         """
         store = Store(url)
         entries = _entries(store)
-        with self._fetched(store, entries, is_urgent=True) as path:
-            assert path is not None
-            yield path
-
-    def fetch_ahead(self, url: str) -> threading.Thread:
-        """Begin to fetch a copy in the background, if there is room; what goes wrong shows when it is asked for."""
-
-        def fetch() -> None:
-            with contextlib.suppress(AutomosError, OSError):
-                store = Store(url)
-                with self._fetched(store, _entries(store), is_urgent=False):
-                    pass
-
-        thread = threading.Thread(target=fetch, daemon=True)
-        thread.start()
-        return thread
-
-    @contextmanager
-    def _fetched(self, store: Store, entries: list[Entry], is_urgent: bool) -> Iterator[Path | None]:
         key, size = key_of(f"{store.url}\n{_stamp(entries)}"), sum(entry.size for entry in entries)
         if size > self._limit:
             raise InputError(
@@ -75,25 +52,20 @@ class Cache:
         claim(self._folder, COPIES)
         done = self._folder / f"{key}.json"
         with self._lock(key) as lock:
-            while not (_take(lock, wait=is_urgent, alone=False) and done.exists()):
-                if not _take(lock, wait=is_urgent):
-                    break  # somebody else fetches it just now
+            while not (_take(lock, alone=False) and done.exists()):
+                _take(lock)  # others fetch it just now, or nobody has
                 if not done.exists():
-                    if not self._make_room(key, size, is_urgent):
-                        break
+                    self._make_room(key, size)
                     _fetch(store, entries, self._folder / key)
                     done.write_text(json.dumps({"url": shown(store.url), "bytes": size}))
-            else:
-                os.utime(done)
-                yield _data(self._folder / key, store)
-                return
-        yield None
+            os.utime(done)
+            yield _data(self._folder / key, store)
 
-    def _make_room(self, key: str, size: int, is_urgent: bool) -> bool:
-        """Reserve `size` bytes for `key`, removing copies that nobody reads; wait for room if it is urgent."""
+    def _make_room(self, key: str, size: int) -> None:
+        """Reserve `size` bytes for `key`, removing copies that nobody reads; wait until there is room."""
         while True:
             with self._lock("room") as lock:
-                _take(lock, wait=True)
+                _take(lock)
                 taken = {path.stem: int(path.read_text() or 0) for path in self._folder.glob("*.bytes")}
                 taken.pop(key, None)
                 for old in sorted(taken, key=self._last_use):
@@ -103,9 +75,7 @@ class Cache:
                         del taken[old]
                 if sum(taken.values()) + size <= self._limit:
                     (self._folder / f"{key}.bytes").write_text(str(size))
-                    return True
-            if not is_urgent:
-                return False
+                    return
             time.sleep(_POLL_S)
 
     def _last_use(self, key: str) -> float:
@@ -127,7 +97,7 @@ class Cache:
             yield file  # closing it lets go
 
 
-def _take(lock: IO[str], wait: bool, alone: bool = True) -> bool:
+def _take(lock: IO[str], wait: bool = True, alone: bool = True) -> bool:
     """Lock a file, `alone` or together with others who read; return whether it could be done without waiting."""
     try:
         import fcntl

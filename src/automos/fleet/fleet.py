@@ -98,19 +98,11 @@ class _Fleet:
                 continue  # the recording failed or began anew
             active = min(len(self._ready) + len(self._running) + 1, self._executor.slots)
             threads = max(1, min(self._executor.cores // active, self._executor.max_threads))
-            order = Order(self._job, work.recording, unit, threads, self._next_source(), work.home)
+            order = Order(self._job, work.recording, unit, threads, work.home)
             work.tries[unit] += 1
             self._running[id(order)] = (generation, order)
             self._ledger.started(order, work.tries[unit])
             self._executor.submit(order)
-
-    def _next_source(self) -> str | None:
-        """Return the recording to fetch meanwhile: the one whose turn comes when all who work now are through."""
-        n = self._executor.slots - 1
-        if len(self._ready) <= n or self._ready[n][2].kind is not Kind.START:
-            return None
-        source = self._work[self._ready[n][0]].recording.source if self._ready[n][0] in self._work else ""
-        return source if is_url(source) else None
 
     def take(self, ended: Ended) -> None:
         generation, order = self._running.pop(id(ended.order))

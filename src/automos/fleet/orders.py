@@ -94,7 +94,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Order:
-    """One unit of one recording, to be done with `threads`; `ahead` is the recording to fetch meanwhile.
+    """One unit of one recording, to be done with `threads`.
 
     `home`, where given, is the place that holds what earlier units found: this unit can be done nowhere else.
     """
@@ -103,7 +103,6 @@ class Order:
     recording: Recording
     unit: Unit = field(default_factory=Unit)
     threads: int = 1
-    ahead: str | None = None
     home: str | None = None
 
 

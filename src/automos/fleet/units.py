@@ -39,8 +39,6 @@ def work(order: Order) -> Report:
     """Do one unit; errors are in the report."""
     start, cpu = time.perf_counter(), cpu_seconds()
     cache = Cache(order.job.work / "recordings", order.job.cache_bytes)
-    if order.ahead is not None:
-        cache.fetch_ahead(order.ahead)
     try:
         report = _do(order, cache)
     except StoreError as error:

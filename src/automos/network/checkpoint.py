@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,8 @@ from automos.network.images import FORMAT, read_image_settings
 from automos.network.model import LMNet
 from automos.settings import ImageSettings, ModelSettings
 
-_log = logging.getLogger(__name__)
+_ONCE_NAMED = ("name", "salsanext")
+"""What checkpoints of earlier versions say beside, when there was another network."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,8 @@ def load_checkpoint(path: Path) -> Checkpoint:
     if version != FORMAT:
         raise InputError(f"{path} is a checkpoint of format {version}, this version reads {FORMAT}: train again")
     try:
-        image, model = read_image_settings(content["image"]), ModelSettings(**content["model"])
+        shape = {name: value for name, value in content["model"].items() if (name, value) != _ONCE_NAMED}
+        image, model = read_image_settings(content["image"]), ModelSettings(**shape)
         network = LMNet(image, model)
         network.load_state_dict({name: _full(value) for name, value in content["state"].items()})
     except (ValueError, RuntimeError, KeyError, TypeError) as error:  # pydantic's are ValueErrors
@@ -88,7 +89,6 @@ def require_shape(checkpoint: Checkpoint, image: ImageSettings, model: ModelSett
     Image sizes may differ, the network runs on any; architecture, channels and residual images may not.
     """
     pairs = {
-        "network.model.name": (checkpoint.model.name, model.name),
         "network.model.channels": (checkpoint.model.channels, model.channels),
         "network.image.residuals": (checkpoint.image.residuals, image.residuals),
     }

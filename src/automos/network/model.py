@@ -9,7 +9,6 @@ import torch
 from torch import Tensor, nn
 
 from automos.network.images import BASE_CHANNELS
-from automos.network.rangenet import RangeNet
 from automos.network.salsanext import SalsaNext
 from automos.settings import ImageSettings, ModelSettings
 
@@ -31,9 +30,7 @@ class LMNet(nn.Module):
     def __init__(self, image: ImageSettings, model: ModelSettings):
         super().__init__()
         inputs = len(BASE_CHANNELS) + image.residuals
-        backbones: dict[str, type[SalsaNext] | type[RangeNet]] = {"salsanext": SalsaNext, "rangenet": RangeNet}
-        backbone = backbones[model.name]
-        self.backbone = backbone(inputs, len(Class), model.channels, model.dropout)
+        self.backbone = SalsaNext(inputs, len(Class), model.channels, model.dropout)
         self.register_buffer("mean", torch.zeros(len(BASE_CHANNELS)))
         self.register_buffer("deviation", torch.ones(len(BASE_CHANNELS)))
 

@@ -16,9 +16,9 @@ from automos.core.geometry import inverse, transform
 from automos.core.labels import Label, pack
 from automos.core.reading import damage_reported, is_there, require_regular
 from automos.core.scan import Pose, Scan
-from automos.core.upright_boxes import TrueBoxes, points_in_boxes
+from automos.core.upright_boxes import points_in_boxes
 from automos.readers.apart import read_apart
-from automos.readers.box_truth import DrawnBoxes, checked_boxes, judge_boxes, motion_with_boxes, paint_boxes
+from automos.readers.box_truth import DrawnBoxes, DrawnTruth, checked_boxes, judge_boxes, motion_with_boxes
 from automos.readers.columns import to_scan
 from automos.readers.foreign import limited
 from automos.readers.formats import Format, import_extra, recordings_at
@@ -59,7 +59,7 @@ def find(path: Path) -> list[Path]:
     return recordings_at(path, lambda p: (p / _SCANS).is_dir())
 
 
-class Argoverse2Sequence(ListedSequence):
+class Argoverse2Sequence(DrawnTruth, ListedSequence):
     """One log. Points are in the upper sensor's frame; poses are the vehicle's, carried over to it."""
 
     def __init__(self, source: Path):
@@ -95,7 +95,8 @@ class Argoverse2Sequence(ListedSequence):
         index = self._scan_number(index)
         if is_there(self.source / _FLOW):
             return self._from_flow() if index == 0 else None
-        return self._from_boxes(index) if is_there(self.source / _BOXES) else None
+        found = self._boxes_of(index)
+        return super().truth(index) if found is not None and len(found[0]) else None
 
     def truth_motion(self, index: int) -> npt.NDArray[np.float32] | None:
         """Return (N, 3) metres until the next sweep, as the annotated boxes say; None without."""
@@ -110,10 +111,9 @@ class Argoverse2Sequence(ListedSequence):
         motion = motion_with_boxes(points, instance, (now.track, now.boxes), (later.track, boxes))
         return motion @ self._T_ego_sensor[:3, :3].astype(np.float32)
 
-    def truth_boxes(self, index: int) -> TrueBoxes | None:
-        """Return the annotated boxes of sweep `index`; None of a log without."""
+    def _boxes_of(self, index: int) -> tuple[DrawnBoxes, Pose] | None:
         is_drawn = is_there(self.source / _BOXES)
-        return self._drawn.of(self._nanoseconds[index]).true(self._T_ego_sensor) if is_drawn else None
+        return (self._drawn.of(self._nanoseconds[index]), self._T_ego_sensor) if is_drawn else None
 
     @property
     def T_vehicle_sensor(self) -> Pose:
@@ -180,10 +180,6 @@ class Argoverse2Sequence(ListedSequence):
             owner = points_in_boxes(transform(self._T_ego_sensor, scan.points), drawn.boxes)
             instance[owner >= 0] = drawn.track[owner[owner >= 0]]
         return pack(label, instance)
-
-    def _from_boxes(self, index: int) -> npt.NDArray[np.uint32] | None:
-        drawn = self._drawn.of(self._nanoseconds[index])
-        return paint_boxes(self[index], self._T_ego_sensor, drawn) if len(drawn) else None
 
     @cached_property
     def _drawn(self) -> DrawnBoxes:

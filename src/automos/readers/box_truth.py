@@ -15,7 +15,7 @@ import numpy.typing as npt
 from automos.core.errors import InputError
 from automos.core.geometry import FARTHEST, transform
 from automos.core.labels import Label, pack
-from automos.core.scan import MAX_RANGE, Pose, Scan
+from automos.core.scan import MAX_RANGE, Pose, Scan, Sequence
 from automos.core.upright_boxes import Boxes, TrueBoxes, points_in_boxes
 
 PACE = 1.0
@@ -54,10 +54,6 @@ class DrawnBoxes:
         """Return the boxes drawn in one scan."""
         rows = np.flatnonzero(self.scan == scan)
         return DrawnBoxes(self.scan[rows], self.track[rows], self.boxes[rows], self.label[rows])
-
-    def true(self, T_boxes_sensor: Pose) -> TrueBoxes:
-        """Return those of one scan, seen from the sensor at `T_boxes_sensor` (4, 4), as truth."""
-        return TrueBoxes(self.track, self.boxes, T_boxes_sensor)
 
 
 def checked_boxes(center: npt.NDArray, size: npt.NDArray, yaw: npt.NDArray, path: Path) -> Boxes:
@@ -145,6 +141,32 @@ def paint_boxes(scan: Scan, T_boxes_sensor: Pose, drawn: DrawnBoxes) -> npt.NDAr
 
     label[~scan.is_valid], instance[~scan.is_valid] = Label.UNLABELED, 0
     return pack(label, instance)
+
+
+class DrawnTruth(Sequence):
+    """A recording whose truth is boxes; readers derive from it, and say which were drawn in a scan."""
+
+    def _boxes_of(self, index: int) -> tuple[DrawnBoxes, Pose] | None:
+        """Return the boxes of scan `index` and (4, 4) T_boxes_sensor; None where nobody drew any."""
+        raise NotImplementedError
+
+    def _judged(self, index: int, scan: Scan, labels: npt.NDArray[np.uint32]) -> npt.NDArray[np.uint32]:
+        """Return the labels (N,) of scan `index` without those of points at which nobody looked: all by default."""
+        return labels
+
+    def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
+        """Return (N,) uint32 labels of scan `index` from its boxes; None without."""
+        index = self._scan_number(index)
+        found = self._boxes_of(index)
+        if found is None:
+            return None
+        scan, (drawn, T_boxes_sensor) = self[index], found
+        return self._judged(index, scan, paint_boxes(scan, T_boxes_sensor, drawn))
+
+    def truth_boxes(self, index: int) -> TrueBoxes | None:
+        """Return the boxes of scan `index`; None without."""
+        found = self._boxes_of(self._scan_number(index))
+        return None if found is None else TrueBoxes(found[0].track, found[0].boxes, found[1])
 
 
 def motion_with_boxes(

@@ -5,7 +5,6 @@ none need come with the file. Points are in the sensor's frame: where that sits 
 """
 
 import base64
-import struct
 from collections.abc import Iterator
 from contextlib import suppress
 from types import SimpleNamespace
@@ -16,6 +15,7 @@ import numpy as np
 from automos.core.reading import parse_json
 from automos.readers import point_cloud2
 from automos.readers.columns import Columns
+from automos.readers.wire import Wire
 
 OWN, ROS = "foxglove.PointCloud", "foxglove_msgs/msg/PointCloud"
 _TIME, _FRAME, _STEP, _FIELD, _DATA = 1, 2, 4, 5, 6
@@ -32,9 +32,8 @@ def head(raw: bytes, encoding: str) -> tuple[float, str]:
         time = message.get("timestamp") or {}
         return time.get("sec", 0) + 1e-9 * time.get("nsec", time.get("nanosec", 0)), str(message.get("frame_id", ""))
     if encoding != "protobuf":
-        at = 4 if encoding == "cdr" else 0
-        seconds, nanoseconds, n = struct.unpack_from("<III", raw, at)
-        return seconds + 1e-9 * nanoseconds, raw[at + 12 : at + 12 + n].rstrip(b"\0").decode()
+        here = Wire(raw, encoding == "cdr", 4 if encoding == "cdr" else 0)
+        return here.seconds(), here.text().rstrip(b"\0").decode()
     stamp, frame = 0.0, ""
     with suppress(ValueError, IndexError):  # where its beginning ends
         for number, value in _fields(raw):
@@ -55,7 +54,7 @@ def read_columns(raw: bytes, encoding: str, where: str) -> Columns:
     elif encoding == "protobuf":
         step, data, fields = _from_wire(raw)
     else:
-        step, data, fields = _from_ros(raw, 4 if encoding == "cdr" else 0)
+        step, data, fields = _from_ros(raw, encoding == "cdr")
     cloud = SimpleNamespace(
         height=1,
         width=len(data) // step if step else 0,
@@ -116,27 +115,14 @@ def _varint(raw: memoryview, at: int) -> tuple[int, int]:
     raise ValueError("a number without end")
 
 
-def _from_ros(raw: bytes, begin: int) -> tuple[int, bytes, list[tuple[str, int, int]]]:
-    """Take apart ROS's message; CDR, which begins behind 4 bytes, starts each number at a multiple of its size."""
-    at = begin
-
-    def number(kind: str) -> int:
-        nonlocal at
-        size = struct.calcsize(kind)
-        at += -(at - begin) % size if begin else 0
-        at += size
-        return int(struct.unpack_from(f"<{kind}", raw, at - size)[0])
-
-    def content() -> bytes:
-        nonlocal at
-        n = number("I")
-        at += n
-        return raw[at - n : at]
-
-    number("I"), number("I"), content()
-    at += -(at - begin) % 8 if begin else 0
-    at += 7 * 8  # the pose
-    step, fields = number("I"), []
-    for _ in range(number("I")):
-        fields.append((content().rstrip(b"\0").decode(), number("I"), number("B")))
-    return step, content(), fields
+def _from_ros(raw: bytes, is_ros2: bool) -> tuple[int, bytes, list[tuple[str, int, int]]]:
+    """Take apart ROS's message."""
+    here = Wire(raw, is_ros2, 4 if is_ros2 else 0)
+    here.seconds()
+    here.text()  # the frame
+    here.align(8)
+    here.take(7 * 8)  # where the sensor is in it
+    step, fields = here.number(), []
+    for _ in range(here.number()):
+        fields.append((here.text().rstrip(b"\0").decode(), here.number(), here.take(1)[0]))
+    return step, here.text(), fields

@@ -3,6 +3,7 @@
 Boxes were drawn only where the left colour camera sees; elsewhere nobody knows what moved.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +11,18 @@ import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.core.geometry import FARTHEST, make_transform, transform
+from automos.core.labels import Label
 from automos.core.reading import read_text
-from automos.core.scan import Points, Pose
+from automos.core.scan import Points, Pose, Scan
+from automos.core.upright_boxes import Boxes
+from automos.readers.box_truth import DrawnBoxes, DrawnTruth, centers_in_world, judge_boxes
 from automos.readers.stamped_poses import rigid_transforms
 
 EARTH_RADIUS = 6378137.0
 _MOST = np.array([89.0, 360.0, 1e5, 7.0, 7.0, 7.0])
 """Latitude and longitude, degrees, altitude, metres, and roll, pitch and yaw, radians: beyond are not vehicles."""
+Camera = tuple[Pose, npt.NDArray[np.float64], tuple[float, float]]
+"""T_rectified_sensor (4, 4), the (3, 4) projection from there to pixels, and the picture's width and height."""
 IMAGE_SIZE = (1242, 375)
 """Pixels, width and height, of the rectified pictures where the calibration does not say."""
 
@@ -103,3 +109,50 @@ def in_view(
         pixels = ahead @ projection[:, :3].T + projection[:, 3]
         u, v = pixels[:, 0] / pixels[:, 2], pixels[:, 1] / pixels[:, 2]
         return (ahead[:, 2] > 0.0) & (u >= 0) & (u < size[0]) & (v >= 0) & (v < size[1])
+
+
+class KittiTruth(DrawnTruth):
+    """A recording of KITTI's own, in which boxes were drawn where the left colour camera sees.
+
+    Readers derive from it, and say which these are and where the camera is.
+    """
+
+    @property
+    def _drawn(self) -> DrawnBoxes | None:
+        """The boxes of all scans by index, in the sensor's frame; None of a recording without."""
+        raise NotImplementedError
+
+    @property
+    def _camera(self) -> Camera:
+        raise NotImplementedError
+
+    def _boxes_of(self, index: int) -> tuple[DrawnBoxes, Pose] | None:
+        return None if self._drawn is None else (self._drawn.of(index), np.eye(4))
+
+    def _judged(self, index: int, scan: Scan, labels: npt.NDArray[np.uint32]) -> npt.NDArray[np.uint32]:
+        """Return the labels of what the camera sees: nobody drew boxes elsewhere."""
+        return np.where(in_view(scan.points, *self._camera), labels, np.uint32(Label.UNLABELED))
+
+    @property
+    def _oxts(self) -> Path:
+        """Where the packets of GPS and IMU lie, from which the poses are."""
+        raise NotImplementedError
+
+    def _in_scans(self, frame: npt.NDArray[np.int64], track: npt.NDArray[np.int64], boxes: Boxes) -> DrawnBoxes:
+        """Return those of R boxes in the sensor's frame, by the number of a frame (R,), of which there is a scan."""
+        frames, stamps = np.array([int(name) for name in self.names]), self.stamps
+        scan = np.searchsorted(frames, frame).clip(0, len(frames) - 1)
+        rows = np.flatnonzero(frames[scan] == frame)
+        scan, track, boxes = scan[rows], track[rows], boxes[rows]
+        poses = self.reference_poses
+        if poses is None:
+            raise InputError(f"{self._oxts} is missing; without poses it is not known which boxes move")
+        seconds = 0.1 * frame[rows].astype(np.float64) if stamps is None else stamps[scan]
+        return DrawnBoxes(scan, track, boxes, judge_boxes(track, seconds, centers_in_world(poses[scan], boxes.center)))
+
+
+def require_numbered(names: Sequence[str], folder: Path) -> None:
+    """Raise InputError unless the scans in `folder` are named by their number."""
+    stray = next((name for name in names if not (name.isascii() and name.isdecimal())), None)
+    if stray is not None:
+        raise InputError(f"{folder} has a scan named {stray!r}; KITTI names scans by their number")

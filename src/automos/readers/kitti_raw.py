@@ -14,15 +14,21 @@ import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.core.geometry import inverse
-from automos.core.labels import Label
 from automos.core.pose_files import interpolate_poses, lines_of_scans, read_poses
 from automos.core.reading import DAMAGE, is_there, read_bytes, read_text
 from automos.core.scan import Pose
-from automos.core.upright_boxes import TrueBoxes
-from automos.readers.box_truth import DrawnBoxes, centers_in_world, checked_boxes, judge_boxes, paint_boxes
+from automos.readers.box_truth import DrawnBoxes, checked_boxes
 from automos.readers.folder import FolderSequence
 from automos.readers.formats import Format
-from automos.readers.kitti_calibration import in_view, poses_from_packets, read_calibration, rigid, take
+from automos.readers.kitti_calibration import (
+    Camera,
+    KittiTruth,
+    poses_from_packets,
+    read_calibration,
+    require_numbered,
+    rigid,
+    take,
+)
 from automos.readers.listed import require_increasing
 from automos.readers.records import read_table
 from automos.readers.stamped_poses import rigid_transforms, sensor_poses, truth_beside
@@ -48,15 +54,13 @@ def _scans_of(path: Path) -> str | None:
     return next((place for place in _SCANS if (path / place).is_dir()), None)
 
 
-class KittiRawSequence(FolderSequence):
+class KittiRawSequence(KittiTruth, FolderSequence):
     """One drive."""
 
     def __init__(self, source: Path):
         """List the scans of the drive in folder `source`; errors are those of a plain folder."""
         super().__init__(source, scan_folder=_scans_of(source) or _SCANS[0])
-        stray = next((name for name in self._names if not (name.isascii() and name.isdecimal())), None)
-        if stray is not None:
-            raise InputError(f"{self._folder} has a scan named {stray!r}; a drive's scans are named by their number")
+        require_numbered(self._names, self._folder)
 
     @property
     def is_compensated(self) -> bool:
@@ -81,27 +85,10 @@ class KittiRawSequence(FolderSequence):
     @cached_property
     def reference_poses(self) -> Pose | None:
         """(len, 4, 4) T_world_sensor from GPS and IMU, or the poses published with KITTI-360 or VBR; None without."""
-        if not (self.source / "oxts" / "data").is_dir():
+        if not (self._oxts / "data").is_dir():
             return self._published_poses()
         path = self.source.resolve().parent / "calib_imu_to_velo.txt"
         return sensor_poses(self._T_map_imu, inverse(_read_transform(path)))
-
-    def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
-        """Return (N,) uint32 labels of scan `index` from the tracklets; None where the drive has none.
-
-        What the left colour camera does not see is UNLABELED, as nobody drew boxes there.
-        """
-        if not is_there(self.source / _BOXES):
-            return None
-        index = self._scan_number(index)
-        scan = self[index]
-        packed = paint_boxes(scan, np.eye(4), self._drawn.of(index))
-        return np.where(in_view(scan.points, *self._camera), packed, np.uint32(Label.UNLABELED))
-
-    def truth_boxes(self, index: int) -> TrueBoxes | None:
-        """Return the tracklets of scan `index`; None of a drive without."""
-        is_drawn = is_there(self.source / _BOXES)
-        return self._drawn.of(self._scan_number(index)).true(np.eye(4)) if is_drawn else None
 
     def _published_poses(self) -> Pose | None:
         told = truth_beside(self.source, self.source.resolve().name)
@@ -121,9 +108,13 @@ class KittiRawSequence(FolderSequence):
         return sensor_poses(interpolate_poses(table[:, 0], T, frames), T_pose_camera @ inverse(T_velo_camera))
 
     # ------------------------------------------------------------------------------------------------- files beside
+    @property
+    def _oxts(self) -> Path:
+        return self.source / "oxts"
+
     @cached_property
     def _T_map_imu(self) -> Pose:
-        folder = self.source / "oxts" / "data"
+        folder = self._oxts / "data"
         packets = [read_table(folder / f"{name}.txt", _PACKET, "poses") for name in self._names]
         twice = next((name for name, rows in zip(self._names, packets, strict=True) if len(rows) > 1), None)
         if twice is not None:
@@ -131,10 +122,10 @@ class KittiRawSequence(FolderSequence):
         return poses_from_packets(np.concatenate(packets), folder)
 
     @cached_property
-    def _camera(self) -> tuple[Pose, npt.NDArray[np.float64], tuple[float, float]]:
+    def _camera(self) -> Camera:
         return self.camera(2)
 
-    def camera(self, number: int) -> tuple[Pose, npt.NDArray[np.float64], tuple[float, float]]:
+    def camera(self, number: int) -> Camera:
         """Return T_rectified_sensor (4, 4), the (3, 4) projection from there to pixels, and the picture's size.
 
         number : 2 of the left colour camera, 3 of the right one.
@@ -152,30 +143,17 @@ class KittiRawSequence(FolderSequence):
         return self.source / f"image_{number:02d}" / "data" / f"{self._names[index]}.png"
 
     @cached_property
-    def _drawn(self) -> DrawnBoxes:
-        """The boxes of all scans by index, in the sensor's frame."""
+    def _drawn(self) -> DrawnBoxes | None:
         path = self.source / _BOXES
+        if not is_there(path):
+            return None
         try:
             rows = [row for k, item in enumerate(_items(path), start=1) for row in _rows_of(item, k)]
             table = np.array(rows, np.float64).reshape(-1, 9)
         except (OSError, *DAMAGE, ElementTree.ParseError) as error:
             raise InputError(f"{path} is not a complete file of tracklets ({error}); download it again") from None
         drawn = checked_boxes(table[:, 2:5], table[:, 5:8], table[:, 8], path)
-        frames = np.array([int(name) for name in self._names])
-        place = np.searchsorted(frames, table[:, 1]).clip(0, len(frames) - 1)
-        has_scan = frames[place] == table[:, 1]
-        table, drawn, scan = table[has_scan], drawn[has_scan], place[has_scan]
-        poses = self.reference_poses
-        if poses is None:
-            raise InputError(f"{self.source / 'oxts'} is missing; without poses it is not known which boxes move")
-        seconds = 0.1 * table[:, 1] if self._stamps is None else self._stamps[scan]
-        track = table[:, 0].astype(np.int64)
-        return DrawnBoxes(
-            scan,
-            track,
-            drawn,
-            judge_boxes(track, seconds, centers_in_world(poses[scan], drawn.center)),
-        )
+        return self._in_scans(table[:, 1].astype(np.int64), table[:, 0].astype(np.int64), drawn)
 
 
 def _seconds(text: str) -> float:

@@ -8,14 +8,22 @@ import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.core.geometry import inverse, transform
-from automos.core.labels import Label
 from automos.core.reading import is_there, read_text
 from automos.core.scan import Pose
-from automos.core.upright_boxes import Boxes, TrueBoxes
-from automos.readers.box_truth import DrawnBoxes, centers_in_world, checked_boxes, judge_boxes, paint_boxes
+from automos.core.upright_boxes import Boxes
+from automos.readers.box_truth import DrawnBoxes, checked_boxes
 from automos.readers.folder import FolderSequence
 from automos.readers.formats import Format
-from automos.readers.kitti_calibration import IMAGE_SIZE, in_view, poses_from_packets, read_calibration, rigid, take
+from automos.readers.kitti_calibration import (
+    IMAGE_SIZE,
+    Camera,
+    KittiTruth,
+    poses_from_packets,
+    read_calibration,
+    require_numbered,
+    rigid,
+    take,
+)
 from automos.readers.listed import require_increasing
 from automos.readers.records import read_table
 from automos.readers.stamped_poses import sensor_poses
@@ -41,7 +49,7 @@ def _calib_of(path: Path) -> Path:
     return path.parent.parent / "calib" / f"{path.name}.txt"
 
 
-class KittiTrackingSequence(FolderSequence):
+class KittiTrackingSequence(KittiTruth, FolderSequence):
     """One sequence; scans are matched to labels and poses by their number."""
 
     def __init__(self, source: Path):
@@ -50,9 +58,7 @@ class KittiTrackingSequence(FolderSequence):
         self._frames = np.array([int(name) for name in self._names])
 
     def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:
-        stray = next((name for name in self._names if not (name.isascii() and name.isdecimal())), None)
-        if stray is not None:
-            raise InputError(f"{self.source} has a scan named {stray!r}; the benchmark names scans by their number")
+        require_numbered(self._names, self.source)
         times = _PERIOD * np.array([int(name) for name in self._names])
         require_increasing(times, self._names, self.source)
         return times
@@ -65,7 +71,7 @@ class KittiTrackingSequence(FolderSequence):
     @cached_property
     def reference_poses(self) -> Pose | None:
         """(len, 4, 4) T_world_sensor from GPS and IMU; None without its packets."""
-        path = self._beside("oxts")
+        path = self._oxts
         if not is_there(path):
             return None
         packets = read_table(path, _PACKET, "poses")
@@ -73,27 +79,13 @@ class KittiTrackingSequence(FolderSequence):
             raise InputError(f"{path} holds {len(packets)} poses, but there is a scan {self._names[-1]}; copy it again")
         return sensor_poses(poses_from_packets(packets[self._frames], path), inverse(self._T_sensor_imu))
 
-    def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
-        """Return (N,) uint32 labels of scan `index` from the boxes; None for the test split.
-
-        What the left colour camera does not see is UNLABELED, as nobody drew boxes there.
-        """
-        if not is_there(self._beside("label_02")):
-            return None
-        index = self._scan_number(index)
-        scan = self[index]
-        packed = paint_boxes(scan, np.eye(4), self._drawn.of(index))
-        seen = in_view(scan.points, self._T_rectified_sensor, self._projection, IMAGE_SIZE)
-        return np.where(seen, packed, np.uint32(Label.UNLABELED))
-
-    def truth_boxes(self, index: int) -> TrueBoxes | None:
-        """Return the boxes of scan `index`; None for the test split."""
-        is_drawn = is_there(self._beside("label_02"))
-        return self._drawn.of(self._scan_number(index)).true(np.eye(4)) if is_drawn else None
-
     # ------------------------------------------------------------------------------------------------- files beside
     def _beside(self, folder: str) -> Path:
         return self.source.resolve().parent.parent / folder / f"{self.source.name}.txt"
+
+    @property
+    def _oxts(self) -> Path:
+        return self._beside("oxts")
 
     @cached_property
     def _calibration(self) -> dict[str, npt.NDArray[np.float64]]:
@@ -111,13 +103,15 @@ class KittiTrackingSequence(FolderSequence):
         return rigid(take(self._calibration, path, "Tr_imu_velo", "Tr_imu_to_velo", size=12), path)
 
     @cached_property
-    def _projection(self) -> npt.NDArray[np.float64]:
-        return take(self._calibration, _calib_of(self.source), "P2", size=12).reshape(3, 4)
+    def _camera(self) -> Camera:
+        projection = take(self._calibration, _calib_of(self.source), "P2", size=12).reshape(3, 4)
+        return self._T_rectified_sensor, projection, IMAGE_SIZE
 
     @cached_property
-    def _drawn(self) -> DrawnBoxes:
-        """The boxes of all scans by index, in the sensor's frame."""
+    def _drawn(self) -> DrawnBoxes | None:
         path = self._beside("label_02")
+        if not is_there(path):
+            return None
         try:
             words = [line.split() for line in read_text(path).splitlines() if line.strip()]
             if any(len(row) not in _WORDS for row in words):
@@ -128,25 +122,14 @@ class KittiTrackingSequence(FolderSequence):
         except (OSError, ValueError, IndexError, OverflowError) as error:
             raise InputError(f"{path} is not a file of KITTI's tracking labels ({error}); download it again") from None
         in_camera = checked_boxes(table[:, 3:6], table[:, [2, 1, 0]], table[:, 6], path)
-        place = np.searchsorted(self._frames, numbers[:, 0]).clip(0, len(self._frames) - 1)
-        has_scan = self._frames[place] == numbers[:, 0]
-        numbers, in_camera, scan = numbers[has_scan], in_camera[has_scan], place[has_scan]
         T_sensor_rectified = inverse(self._T_rectified_sensor)
         # The box's place is the middle of its underside, the y-axis points down, and it is turned about that.
         raised = in_camera.center - np.outer(0.5 * in_camera.size[:, 2], [0.0, 1.0, 0.0])
         center = transform(T_sensor_rectified, raised)
         turn = in_camera.yaw
         heading = np.column_stack([np.cos(turn), np.zeros(len(turn)), -np.sin(turn)]) @ T_sensor_rectified[:3, :3].T
-        poses = self.reference_poses
-        if poses is None:
-            raise InputError(f"{self._beside('oxts')} is missing; without poses it is not known which boxes move")
-        track = numbers[:, 1] + 1
-        return DrawnBoxes(
-            scan,
-            track,
-            Boxes(center, in_camera.size, np.arctan2(heading[:, 1], heading[:, 0]), in_camera.score),
-            judge_boxes(track, _PERIOD * numbers[:, 0], centers_in_world(poses[scan], center)),
-        )
+        boxes = Boxes(center, in_camera.size, np.arctan2(heading[:, 1], heading[:, 0]), in_camera.score)
+        return self._in_scans(numbers[:, 0], numbers[:, 1] + 1, boxes)
 
 
 FORMAT = Format(

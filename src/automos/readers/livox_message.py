@@ -4,10 +4,13 @@ Drivers for ROS 1 and ROS 2 give it the same fields under different package name
 the wire: decoding a hundred thousand points as messages of their own takes seconds a scan.
 """
 
+import struct
+
 import numpy as np
 
 from automos.core.errors import InputError
 from automos.readers.columns import Columns
+from automos.readers.wire import Wire
 
 TYPES = tuple(f"{package}/msg/CustomMsg" for package in ("livox_ros_driver", "livox_ros_driver2", "livox_interfaces"))
 
@@ -24,22 +27,21 @@ def read_columns(raw: bytes | memoryview, is_ros2: bool, where: str) -> Columns:
     InputError
         Fewer bytes than its points need.
     """
-    order = ">" if is_ros2 and raw[1] == 0 else "<"
     try:
-        at = 16 + int(np.frombuffer(raw, f"{order}u4", 1, offset=12)[0])  # after the header and the name of its frame
-        if is_ros2:
-            at = 4 + -(-(at - 4) // 8) * 8  # the time that offsets count from is a multiple of eight off the start
-        count = int(np.frombuffer(raw, f"{order}u4", 1, offset=at + 16)[0])  # after that time, sizes and reserved bytes
-    except ValueError:
+        here = Wire.behind_header(bytes(raw), is_ros2)
+        here.align(8)
+        here.take(16)  # the time that offsets count from, sizes, the sensor's number and reserved bytes
+        count, at = here.number(), here.at
+    except struct.error:
         count, at = 1, len(raw)
     stride = stride_of(is_ros2)
-    start, needed = at + 20, max(count - 1, 0) * stride + (LENGTH if count else 0)
+    start, needed = at, max(count - 1, 0) * stride + (LENGTH if count else 0)
     if len(raw) < start + needed:
         raise InputError(f"{where} is cut short: {len(raw)} bytes for {count} points; record or export it again")
     names, kinds = zip(*_POINT, ("line", "u1"), strict=True)
     offsets = [0, 4, 8, 12, 16, 17, 18]
     layout = np.dtype(
-        {"names": names, "formats": [order + kind for kind in kinds], "offsets": offsets, "itemsize": stride}
+        {"names": names, "formats": [here.order + kind for kind in kinds], "offsets": offsets, "itemsize": stride}
     )
     padded = bytes(raw[start : start + needed]) + bytes(stride - LENGTH if count else 0)
     rows = np.frombuffer(padded, layout, count)

@@ -13,6 +13,7 @@ from automos.core.errors import InputError
 from automos.readers import livox_message
 from automos.readers.bag_messages import CLOUD
 from automos.readers.point_cloud2 import shape_of
+from automos.readers.wire import Wire
 
 Mask = npt.NDArray[np.bool_]
 
@@ -37,45 +38,14 @@ def with_rows(raw: bytes | memoryview, kind: str, is_ros2: bool, kept: Mask) -> 
         raise InputError(f"a message of {len(raw)} bytes is cut short; record or export the bag again") from None
 
 
-class _Cursor:
-    """A place in a message on the wire: CDR of ROS 2, which aligns numbers, or ROS 1's, which does not."""
-
-    def __init__(self, raw: bytes, is_ros2: bool):
-        self.raw, self.is_ros2 = raw, is_ros2
-        self.order = ">" if is_ros2 and raw[1] == 0 else "<"
-        self.at = 12  # behind the stamp: ROS 1 has a number before it, ROS 2 four bytes that say how it is encoded
-        self.skip_text()
-
-    def number(self) -> int:
-        """Return the unsigned 32-bit number here, and move behind it."""
-        self.align(4)
-        (value,) = struct.unpack_from(f"{self.order}I", self.raw, self.at)
-        self.at += 4
-        return int(value)
-
-    def align(self, n_bytes: int) -> None:
-        """Move to where a number of `n_bytes` begins."""
-        if self.is_ros2:
-            self.at += (4 - self.at) % n_bytes
-
-    def skip_text(self) -> None:
-        """Move behind the text here."""
-        n_bytes = self.number()
-        self.at += n_bytes
-
-    def packed(self, *values: int) -> bytes:
-        """Return numbers as they are written in this message."""
-        return struct.pack(f"{self.order}{len(values)}I", *values)
-
-
 def _cloud_with_rows(raw: bytes, is_ros2: bool, kept: Mask) -> bytes:
-    here = _Cursor(raw, is_ros2)
+    here = Wire.behind_header(raw, is_ros2)
     here.align(4)
     start = here.at
     height, width = here.number(), here.number()
     fields = here.at
     for _ in range(here.number()):
-        here.skip_text()
+        here.text()
         here.number()  # its offset
         here.at += 1  # its type
         here.number()  # how many there are of it
@@ -96,7 +66,7 @@ def _cloud_with_rows(raw: bytes, is_ros2: bool, kept: Mask) -> bytes:
 
 
 def _livox_with_rows(raw: bytes, is_ros2: bool, kept: Mask) -> bytes:
-    here = _Cursor(raw, is_ros2)
+    here = Wire.behind_header(raw, is_ros2)
     here.align(8)
     here.at += 8  # the time that the points' own count from
     counted = here.at

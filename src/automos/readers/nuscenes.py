@@ -17,8 +17,7 @@ from automos.core.errors import InputError
 from automos.core.labels import Label
 from automos.core.reading import damage_reported, is_there, read_json
 from automos.core.scan import Pose, Scan
-from automos.core.upright_boxes import TrueBoxes
-from automos.readers.box_truth import DrawnBoxes, checked_boxes, judge_boxes, paint_boxes
+from automos.readers.box_truth import DrawnBoxes, DrawnTruth, checked_boxes, judge_boxes
 from automos.readers.codecs import read_columns
 from automos.readers.columns import to_scan
 from automos.readers.formats import Format
@@ -54,7 +53,7 @@ def _is_tables(path: Path) -> bool:
     return all(is_there(path / f"{name}.json") for name in ("scene", "sample", "sample_data"))
 
 
-class NuscenesSequence(ListedSequence):
+class NuscenesSequence(DrawnTruth, ListedSequence):
     """One scene, in the frame of the LiDAR."""
 
     def __init__(self, path: Path):
@@ -100,26 +99,14 @@ class NuscenesSequence(ListedSequence):
         """(len, 4, 4) T_world_sensor from the tables."""
         return sensor_poses(self._T_global_sensor)
 
-    def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
-        """Return (N,) uint32 labels of scan `index` from the boxes drawn in it; None between keyframes.
-
-        An instance moves if any of its attributes in the scene says so. If none says anything, its boxes are judged.
-        """
-        index = self._scan_number(index)
+    def _boxes_of(self, index: int) -> tuple[DrawnBoxes, Pose] | None:
+        """Return the boxes of a keyframe. An instance moves if any of its attributes in the scene says so."""
         keyframe = self._keyframe_of[index]
         if keyframe is None or self._drawn is None:
             return None
-        return paint_boxes(self[index], self._T_global_sensor[index], self._drawn.of(keyframe))
-
-    def truth_boxes(self, index: int) -> TrueBoxes | None:
-        """Return the boxes drawn in scan `index`; None between keyframes."""
-        keyframe = self._keyframe_of[index]
-        if keyframe is None or self._drawn is None:
-            return None
-        return self._drawn.of(keyframe).true(self._T_global_sensor[index])
+        return self._drawn.of(keyframe), self._T_global_sensor[index]
 
 
-# ------------------------------------------------------------------------------------------------------- tables
 @lru_cache(maxsize=8)
 def _read(tables: Path, name: str) -> list[Row]:
     path = tables / f"{name}.json"

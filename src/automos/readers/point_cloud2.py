@@ -4,8 +4,10 @@ Rows may be padded, fields may lie anywhere in a point and in either byte order.
 points without a return (zero or NaN) included.
 """
 
+import struct
 import zlib
 from collections.abc import Mapping
+from contextlib import suppress
 from itertools import pairwise
 from typing import Any, Literal
 
@@ -14,6 +16,7 @@ import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.readers.columns import Columns
+from automos.readers.wire import Wire
 
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 
@@ -33,20 +36,16 @@ def header_frame(raw: bytes, is_ros2: bool) -> str:
     return name.rstrip(b"\0").decode("utf-8", "replace").strip("/")
 
 
-def header_end(raw: bytes, is_ros2: bool) -> int:
-    """Return the byte of the first number of four bytes behind a message's header."""
-    at = 16 + int.from_bytes(raw[12:16], _order(raw, is_ros2))
-    return at + (-at % 4 if is_ros2 else 0)
-
-
 def _order(raw: bytes, is_ros2: bool) -> Literal["big", "little"]:
     return "big" if is_ros2 and raw[1] == 0 else "little"
 
 
 def points_counted(raw: bytes, is_ros2: bool) -> int:
-    """Return how many points a cloud as it lies in a bag says that it has; its data may hold more."""
-    order, at = _order(raw, is_ros2), header_end(raw, is_ros2)
-    return int.from_bytes(raw[at : at + 4], order) * int.from_bytes(raw[at + 4 : at + 8], order)
+    """Return how many points a cloud as it lies in a bag says that it has, 0 if it is cut; its data may hold more."""
+    with suppress(struct.error):
+        here = Wire.behind_header(raw, is_ros2)
+        return here.number() * here.number()
+    return 0
 
 
 def cloud_digest(raw: bytes, is_ros2: bool) -> int:

@@ -19,9 +19,8 @@ from automos.core.errors import InputError
 from automos.core.geometry import inverse, make_transform
 from automos.core.labels import Label
 from automos.core.reading import damage_reported, is_there
-from automos.core.scan import Pose, Scan, Sequence
-from automos.core.upright_boxes import TrueBoxes
-from automos.readers.box_truth import DrawnBoxes, centers_in_world, checked_boxes, judge_boxes, paint_boxes
+from automos.core.scan import Pose, Scan
+from automos.readers.box_truth import DrawnBoxes, DrawnTruth, centers_in_world, checked_boxes, judge_boxes
 from automos.readers.formats import Format
 from automos.readers.listed import digest_of_files, require_increasing
 from automos.readers.mounts import checked_mount
@@ -57,7 +56,7 @@ def _table(segment: Path, component: str) -> Path:
     return segment.parent / component / f"{segment.name}.parquet"
 
 
-class WaymoSequence(Sequence):
+class WaymoSequence(DrawnTruth):
     """One segment. Poses are the vehicle's, carried over to the origin of its top LiDAR."""
 
     source: Path
@@ -118,19 +117,13 @@ class WaymoSequence(Sequence):
         """(len, 4, 4) T_world_sensor from the vehicle's poses."""
         return sensor_poses(self._T_world_vehicle, self._T_vehicle_sensor)
 
-    def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
-        """Return (N,) uint32 labels of scan `index` from the boxes; None without. Zones not labelled are left out."""
-        index = self._scan_number(index)
-        if self._drawn is None:
-            return None
-        labels = paint_boxes(self[index], self._T_vehicle_sensor, self._drawn.of(self._micros[index]))
-        is_left_out = np.concatenate([image[..., 3].ravel() for image in self._range_images(index)]) > 0
-        labels[is_left_out] = Label.UNLABELED
-        return labels
+    def _boxes_of(self, index: int) -> tuple[DrawnBoxes, Pose] | None:
+        return None if self._drawn is None else (self._drawn.of(self._micros[index]), self._T_vehicle_sensor)
 
-    def truth_boxes(self, index: int) -> TrueBoxes | None:
-        """Return the boxes of scan `index`; None of a segment without."""
-        return None if self._drawn is None else self._drawn.of(self._micros[index]).true(self._T_vehicle_sensor)
+    def _judged(self, index: int, scan: Scan, labels: npt.NDArray[np.uint32]) -> npt.NDArray[np.uint32]:
+        """Return the labels without those of zones that were left out."""
+        is_left_out = np.concatenate([image[..., 3].ravel() for image in self._range_images(index)]) > 0
+        return np.where(is_left_out, np.uint32(Label.UNLABELED), labels)
 
     def fingerprint(self) -> str:
         """Return a text that changes when the tables do."""

@@ -25,6 +25,7 @@ RENAMED = {
 BECAME = {
     "candidates.erasor": "its published parameters are used, see automos.baselines.erasor; remove it",
     "baselines": "other methods use the published parameters, see automos.baselines; remove it",
+    "network.model.name": "every network is a SalsaNext; remove it",
     "network.online": "give automos segment its --engine, --device and --threads instead",
     "network.augmentation": "network.training.augment turns it on or off",
     "network.cleanup": "RangeNet++'s values are used, see automos.network.cleanup; remove it",

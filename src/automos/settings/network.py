@@ -22,7 +22,6 @@ class ImageSettings(Group):
 class ModelSettings(Group):
     """The network's shape."""
 
-    name: Literal["salsanext", "rangenet"] = "salsanext"
     channels: int = Field(
         32,
         ge=4,

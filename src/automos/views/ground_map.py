@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.views.png import data_url, palette_png
+from automos.views.verdicts import FALSE, MISSED, MOVING, STATIC
 
 REACH = 60.0
 """Metres around the trajectory that are drawn."""
@@ -20,9 +21,7 @@ BLOCK = 3.0
 SHADES = 12
 GROUND_GREY, DARK_GREY = 226, 92
 
-STANDS, MOVES, FALSE, MISSED = 0, 1, 2, 3
-"""What a point is on the map: static; moving; moving though the truth says static; static though it says moving."""
-LAYERS = {MOVES: ("moving", (10, 157, 60)), FALSE: ("false", (224, 38, 43)), MISSED: ("missed", (31, 95, 255))}
+LAYERS = {MOVING: ("moving", (10, 157, 60)), FALSE: ("false", (224, 38, 43)), MISSED: ("missed", (31, 95, 255))}
 """Layers above the grey one: their names and colours."""
 
 
@@ -41,7 +40,7 @@ class GroundMap:
         self._counts = {kind: np.zeros(self.shape, np.int64) for kind in LAYERS}
 
     def add(self, points: npt.NDArray, kinds: npt.NDArray[np.uint8]) -> None:
-        """Add the points (N, 3) of a scan, level frame, metres, each of a kind (N,): STANDS, MOVES, FALSE or MISSED.
+        """Add the points (N, 3) of a scan, level frame, metres, each with its verdict (N,).
 
         What is not finite or too far away is left out.
         """
@@ -53,7 +52,7 @@ class GroundMap:
         for layer, count in self._counts.items():
             here = kind == layer
             np.add.at(count, (cells[0][here], cells[1][here]), 1)
-        is_still = kind == STANDS
+        is_still = kind <= STATIC
         still = cells[0][is_still], cells[1][is_still]
         np.add.at(self._seen, still, 1)
         np.maximum.at(self._highest, still, height[is_still])

@@ -7,10 +7,11 @@ import numpy as np
 
 from automos.core.geometry import transform
 from automos.core.labels import Label
-from automos.core.scan import Pose, Scan
+from automos.core.scan import Scan
 from automos.labeler import LabelledScan
 from automos.views.rerun_layout import load_rerun, world_view
-from automos.views.rerun_log import COLORS, KINDS, VERDICT_COLORS, point_kinds, thin_rows
+from automos.views.rerun_log import show_boxes, show_classes, show_sensor, show_velocities, thin_rows
+from automos.views.verdicts import verdicts
 from automos.views.viewer import Viewer
 
 EYE = (-28.0, 0.0, 24.0)
@@ -31,8 +32,7 @@ class LiveView:
         viewer.connect(self._stream)
         self._stream.send_recording_name(f"{name}, live")
         self._stream.send_blueprint(_blueprint(rr))
-        classes = [(k, kind, color) for k, (kind, color) in enumerate(zip(KINDS, COLORS, strict=True))]
-        self._stream.log("world", rr.AnnotationContext(classes), rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        show_classes(self._stream)
         self._first_stamp: float | None = None
 
     @property
@@ -55,38 +55,21 @@ class LiveView:
         self._first_stamp = given.stamp if self._first_stamp is None else self._first_stamp
         stream.set_time("scan", sequence=given.index)
         stream.set_time("time", duration=given.stamp - self._first_stamp)
-        kinds = point_kinds(given.labels, None)
+        kinds = verdicts(given.labels, None)
         is_moving = given.labels == Label.MOVING
         rest = thin_rows(np.flatnonzero(scan.is_valid & ~is_moving), self._max_static)
         rows = np.concatenate([rest, np.flatnonzero(scan.is_valid & is_moving)])
         radii = rr.Radius.ui_points(np.where(is_moving[rows], 2.4, 1.0))
         points = transform(given.pose, scan.points[rows])
         stream.log("world/points", rr.Points3D(points, class_ids=kinds[rows], radii=radii))
-        self._show_sensor(given.pose)
-        self._show_objects(given.objects)
+        show_sensor(stream, given.pose)
+        objects, velocity = given.objects, given.objects["velocity"]
+        speeds = np.linalg.norm(velocity, axis=1)
+        texts = [f"{track} · {speed:.1f} m/s" for track, speed in zip(objects["track"], speeds, strict=True)]
+        parts = objects["center"], objects["size"], objects["yaw"]
+        show_boxes(stream, "world/boxes", parts, texts, with_texts=len(objects) <= MOST_LABELS)
+        show_velocities(stream, objects["center"], velocity)
         stream.log("curves/moving_objects", rr.Scalars(len(given.objects)))
-
-    def _show_sensor(self, pose: Pose) -> None:
-        rr = self._rr
-        self._stream.log("world/sensor", rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]))
-        self._stream.log("world/sensor", rr.Ellipsoids3D(half_sizes=[[0.35, 0.35, 0.35]], colors=[235, 238, 240]))
-
-    def _show_objects(self, objects: Any) -> None:
-        rr, color = self._rr, VERDICT_COLORS["moving"]
-        speeds = np.linalg.norm(objects["velocity"], axis=1)
-        angles = [rr.RotationAxisAngle([0, 0, 1], rr.Angle(rad=float(yaw))) for yaw in objects["yaw"]]
-        boxes = rr.Boxes3D(
-            centers=objects["center"],
-            half_sizes=0.5 * objects["size"],
-            rotation_axis_angles=angles,
-            colors=color,
-            labels=[f"{track} · {speed:.1f} m/s" for track, speed in zip(objects["track"], speeds, strict=True)],
-            show_labels=len(objects) <= MOST_LABELS,
-            radii=0.03,
-        )
-        self._stream.log("world/boxes", boxes)
-        arrows = rr.Arrows3D(origins=objects["center"], vectors=objects["velocity"], colors=color, radii=0.05)
-        self._stream.log("world/velocities", arrows)
 
 
 def _blueprint(rr: Any) -> Any:

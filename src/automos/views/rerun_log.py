@@ -12,20 +12,21 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.geometry import transform
-from automos.core.labels import Label, as_probability, to_mos
+from automos.core.labels import Label, as_probability
+from automos.core.scan import Pose
 from automos.core.workspace import Workspace
 from automos.evaluation.moving import count
 from automos.results.run_files import RunFiles
 from automos.results.run_warnings import sentences_of
 from automos.results.tracks_file import VERDICTS
 from automos.views.rerun_layout import blueprint, load_rerun
+from automos.views.verdicts import MOVING, verdicts
 
 if TYPE_CHECKING:
     import rerun
 
-UNLABELED, STATIC, MOVING, FALSE, MISSED = range(5)
 KINDS = ("unlabeled", "static", "moving", "moving, wrongly", "moving, missed")
-"""What a point is shown as; the last two only where there is truth."""
+"""What points are called, by their verdict; the last two only where there is truth."""
 COLORS = ((74, 80, 88), (150, 158, 166), (36, 214, 106), (255, 64, 68), (64, 128, 255))
 VERDICT_COLORS = {"unknown": (255, 190, 60), "static": (120, 128, 136), "moving": (36, 214, 106)}
 SURE = 0.7
@@ -52,9 +53,7 @@ def log_run(run: RunFiles, stream: rerun.RecordingStream, max_static: int) -> No
     has_truth = any(run.sequence.truth(i) is not None for i in range(len(run)))
     T_level_sensor = np.array([run.T_level_sensor(i) for i in range(len(run))])
     stream.send_blueprint(blueprint(T_level_sensor, has_truth, moving_scans(run)))
-    stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    classes = [(k, name, color) for k, (name, color) in enumerate(zip(KINDS, COLORS, strict=True))]
-    stream.log("world", rr.AnnotationContext(classes), static=True)
+    show_classes(stream)
     stream.log("run", rr.TextDocument(_summary(run), media_type=rr.MediaType.MARKDOWN), static=True)
     for name, color in (
         ("moving_points", VERDICT_COLORS["moving"]),
@@ -85,7 +84,7 @@ def _log_scan(rr: Any, stream: rerun.RecordingStream, run: RunFiles, index: int,
     T_level_sensor = run.T_level_sensor(index)
     points = transform(T_level_sensor, run.points_at_pose(scan, index))
     truth = run.sequence.truth(index)
-    kinds = point_kinds(labels, truth)
+    kinds = verdicts(labels, truth)
     shown = np.flatnonzero(scan.is_valid)
     shown = np.sort(
         np.concatenate([shown[kinds[shown] >= MOVING], thin_rows(shown[kinds[shown] < MOVING], max_static)])
@@ -98,33 +97,17 @@ def _log_scan(rr: Any, stream: rerun.RecordingStream, run: RunFiles, index: int,
         unsure = shown[confidence[shown] < SURE]
         amber = np.column_stack([np.full((len(unsure), 2), (255, 190)), 255 * confidence[unsure]]).astype(np.uint8)
         stream.log("world/unsure", rr.Points3D(points[unsure], colors=amber, radii=rr.Radius.ui_points(1.8)))
-    stream.log("world/sensor", rr.Transform3D(translation=T_level_sensor[:3, 3], mat3x3=T_level_sensor[:3, :3]))
-    stream.log("world/sensor", rr.Ellipsoids3D(half_sizes=[[0.35, 0.35, 0.35]], colors=[235, 238, 240]))
+    show_sensor(stream, T_level_sensor)
     objects = run.boxes_level(index)
     for verdict, name in enumerate(VERDICTS):
         rows = objects.verdict == verdict
-        boxes = objects.boxes[rows]
-        angles = [rr.RotationAxisAngle([0, 0, 1], rr.Angle(rad=float(yaw))) for yaw in boxes.yaw]
+        boxes, velocity = objects.boxes[rows], objects.velocity[rows]
         texts = [f"{track} · {score:.2f}" for track, score in zip(objects.ids[rows], boxes.score, strict=True)]
         if name == "moving":
-            speeds = np.linalg.norm(objects.velocity[rows], axis=1)
-            texts = [f"{speed:.1f} m/s" for speed in speeds]
-            arrows = rr.Arrows3D(
-                origins=boxes.center, vectors=objects.velocity[rows], colors=VERDICT_COLORS[name], radii=0.05
-            )
-            stream.log("world/velocities", arrows)
-        stream.log(
-            f"world/boxes/{name}",
-            rr.Boxes3D(
-                centers=boxes.center,
-                half_sizes=0.5 * boxes.size,
-                rotation_axis_angles=angles,
-                colors=VERDICT_COLORS[name],
-                labels=texts,
-                show_labels=name == "moving",
-                radii=0.03,
-            ),
-        )
+            texts = [f"{speed:.1f} m/s" for speed in np.linalg.norm(velocity, axis=1)]
+            show_velocities(stream, boxes.center, velocity)
+        parts = boxes.center, boxes.size, boxes.yaw
+        show_boxes(stream, f"world/boxes/{name}", parts, texts, name, with_texts=name == "moving")
     share = 100.0 * float((labels == Label.MOVING).mean()) if len(labels) else 0.0
     stream.log("curves/moving_points", rr.Scalars(share))
     stream.log("curves/moving_objects", rr.Scalars(int((objects.verdict == VERDICTS.index("moving")).sum())))
@@ -134,14 +117,49 @@ def _log_scan(rr: Any, stream: rerun.RecordingStream, run: RunFiles, index: int,
             stream.log("curves/iou", rr.Scalars(iou))
 
 
-def point_kinds(labels: npt.NDArray, truth: npt.NDArray | None) -> npt.NDArray[np.uint16]:
-    """Return (N,) what each point is shown as: index into `KINDS`. Points without ground truth are never wrong."""
-    kinds = np.select([labels == Label.MOVING, labels == Label.STATIC], [MOVING, STATIC], UNLABELED).astype(np.uint16)
-    if truth is not None:
-        true = to_mos(truth)
-        kinds[(kinds == MOVING) & (true == Label.STATIC)] = FALSE
-        kinds[(kinds < MOVING) & (true == Label.MOVING)] = MISSED
-    return kinds
+def show_classes(stream: rerun.RecordingStream) -> None:
+    """Say in which colours points are shown, by what they are, and which way is up."""
+    rr = load_rerun()
+    classes = [(k, name, color) for k, (name, color) in enumerate(zip(KINDS, COLORS, strict=True))]
+    stream.log("world", rr.AnnotationContext(classes), rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+
+
+def show_sensor(stream: rerun.RecordingStream, T_level_sensor: Pose) -> None:
+    """Show where the sensor is."""
+    rr = load_rerun()
+    stream.log("world/sensor", rr.Transform3D(translation=T_level_sensor[:3, 3], mat3x3=T_level_sensor[:3, :3]))
+    stream.log("world/sensor", rr.Ellipsoids3D(half_sizes=[[0.35, 0.35, 0.35]], colors=[235, 238, 240]))
+
+
+def show_boxes(
+    stream: rerun.RecordingStream,
+    where: str,
+    objects: tuple[npt.NDArray, npt.NDArray, npt.NDArray],
+    texts: list[str],
+    verdict: str = "moving",
+    with_texts: bool = True,
+) -> None:
+    """Show K boxes as the entity `where`: centre (K, 3), size (K, 3) and yaw (K,) of each, upright, in the level frame.
+
+    Of more than fit, `texts` are shown where one points only: not `with_texts`.
+    """
+    rr, (center, size, yaw) = load_rerun(), objects
+    boxes = rr.Boxes3D(
+        centers=center,
+        half_sizes=0.5 * size,
+        rotation_axis_angles=[rr.RotationAxisAngle([0, 0, 1], rr.Angle(rad=float(angle))) for angle in yaw],
+        colors=VERDICT_COLORS[verdict],
+        labels=texts,
+        show_labels=with_texts,
+        radii=0.03,
+    )
+    stream.log(where, boxes)
+
+
+def show_velocities(stream: rerun.RecordingStream, center: npt.NDArray, velocity: npt.NDArray) -> None:
+    """Show the velocities (K, 3) of what moves as arrows from `center` (K, 3)."""
+    arrows = load_rerun().Arrows3D(origins=center, vectors=velocity, colors=VERDICT_COLORS["moving"], radii=0.05)
+    stream.log("world/velocities", arrows)
 
 
 def _log_tracks(rr: Any, stream: rerun.RecordingStream, run: RunFiles) -> None:

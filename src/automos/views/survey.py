@@ -15,9 +15,10 @@ from automos.evaluation.objects import FOUND, movers_of
 from automos.evaluation.overlaps import Overlaps, count_overlaps
 from automos.results.run_files import RunFiles
 from automos.views.caveats import caveats
-from automos.views.ground_map import FALSE, MISSED, MOVES, STANDS, GroundMap
+from automos.views.ground_map import GroundMap
 from automos.views.thumbnails import Thumbnails
 from automos.views.trust import trust_in
+from automos.views.verdicts import verdicts
 
 MAX_THUMBNAILS = 900
 """Tracks that get a picture; the least certain and all that moves go first."""
@@ -177,10 +178,9 @@ class _Truth:
         self, index: int, run: RunFiles, labels: npt.NDArray, points: npt.NDArray, owners: npt.NDArray | None
     ) -> npt.NDArray[np.uint8]:
         """Count the labels of a scan against its ground truth; return what the map draws for each point."""
-        says_moving = labels == Label.MOVING
         truth = run.sequence.truth(index)
         if truth is None:
-            return np.where(says_moving, MOVES, STANDS).astype(np.uint8)
+            return verdicts(labels, None)
         with np.errstate(invalid="ignore", over="ignore"):
             ranges = np.linalg.norm(points, axis=1)
         counted = count(labels, truth, ranges)
@@ -188,9 +188,7 @@ class _Truth:
         self._per_scan[index] = scores.true_dynamic, scores.false_dynamic, scores.false_static
         self._counts += counted
         self._overlaps.append(count_overlaps(index, labels, truth, owners))
-        true = to_mos(truth)
-        kinds = np.where(says_moving, np.where(true == Label.STATIC, FALSE, MOVES), STANDS)
-        return np.where(~says_moving & (true == Label.MOVING), MISSED, kinds).astype(np.uint8)
+        return verdicts(labels, truth)
 
     def to_page(self) -> dict[str, Any] | None:
         if not self._counts.n_scans:

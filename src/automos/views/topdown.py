@@ -8,17 +8,17 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.atomic import atomic_path
-from automos.core.labels import Label
+from automos.views.verdicts import FALSE, MISSED, MOVING, STATIC, verdicts
 
 COLORS = {
-    "true static": "#9aa0a6",
-    "true moving": "#0a9d3c",
-    "false moving": "#e0262b",
-    "missed": "#1f5fff",
+    STATIC: ("true static", "#9aa0a6"),
+    MOVING: ("true moving", "#0a9d3c"),
+    FALSE: ("false moving", "#e0262b"),
+    MISSED: ("missed", "#1f5fff"),
 }
-"""What a point's label and its truth make of it: the paper's true static, true dynamic, false dynamic, false static."""
+"""The paper's true static, true dynamic, false dynamic, false static."""
 
-STATIC = ("#c9cdd2", "#a4a9ae", "#50555a")
+GREYS = ("#c9cdd2", "#a4a9ae", "#50555a")
 """Greys of static points, from the ground up to two metres above it."""
 
 
@@ -30,19 +30,6 @@ class View:
     points: npt.NDArray
     labels: npt.NDArray[np.uint8]
     truth: npt.NDArray[np.uint8] | None = None
-
-    def kinds(self) -> dict[str, npt.NDArray[np.bool_]]:
-        """Return for each key of `COLORS` which points are drawn in its colour, in drawing order."""
-        says_moving = self.labels == Label.MOVING
-        # Where the truth is unknown nothing can be wrong; the point is drawn as what it was labelled.
-        is_moving = says_moving if self.truth is None else self.truth == Label.MOVING
-        is_known = np.ones(len(self.labels), bool) if self.truth is None else self.truth != Label.UNLABELED
-        return {
-            "true static": ~says_moving & ~(is_moving & is_known),
-            "true moving": says_moving & (is_moving | ~is_known),
-            "false moving": says_moving & ~is_moving & is_known,
-            "missed": ~says_moving & is_moving & is_known,
-        }
 
 
 def draw_views(
@@ -69,7 +56,7 @@ def draw_views(
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-    greys = LinearSegmentedColormap.from_list("static", STATIC)
+    greys = LinearSegmentedColormap.from_list("static", GREYS)
     columns = min(columns, len(views))
     rows = -(-len(views) // columns)
     figure = Figure(figsize=(7.0 * columns, 7.3 * rows + 0.5), dpi=110, layout="constrained")
@@ -77,12 +64,13 @@ def draw_views(
     for axis in axes[len(views) :]:
         axis.set_axis_off()
     for axis, view in zip(axes, views, strict=False):
-        for kind, is_kind in view.kinds().items():
-            x, y, z = view.points[is_kind].T
-            if kind == "true static":  # the ground lighter than what stands on it
+        found = np.maximum(verdicts(view.labels, view.truth), STATIC)  # what is unlabeled is drawn as static
+        for kind, (_, color) in COLORS.items():
+            x, y, z = view.points[found == kind].T
+            if kind == STATIC:  # the ground lighter than what stands on it
                 style = {"s": 0.3, "c": z, "cmap": greys, "vmin": -0.5, "vmax": 2.0}
             else:
-                style = {"s": 1.6, "c": COLORS[kind]}
+                style = {"s": 1.6, "c": color}
             axis.scatter(x, y, linewidths=0, rasterized=True, **style)
         for track in tracks or []:
             axis.plot(track[:, 0], track[:, 1], color="black", linewidth=0.6, alpha=0.5)
@@ -91,7 +79,7 @@ def draw_views(
         axis.set_title(view.title)
         axis.set(xticks=[], yticks=[])
         _draw_scale(axis, radius)
-    handles = [Line2D([], [], marker="o", linestyle="", color=color, label=kind) for kind, color in COLORS.items()]
+    handles = [Line2D([], [], marker="o", linestyle="", color=color, label=name) for name, color in COLORS.values()]
     if tracks:
         handles.append(Line2D([], [], color="black", alpha=0.5, label="path of what moves"))
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)

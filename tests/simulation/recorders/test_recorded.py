@@ -182,20 +182,20 @@ def test_conventions_are_read_from_words():
         turns=1.09, order="time", stamps=False, double=10
     )
     assert str(Convention.parse(["turns=1.09"])) == "turns=1.09"
-    with pytest.raises(InputError, match=r"'turn=2' is not a convention \(did you mean turns\?\); give NAME=VALUE"):
+    with pytest.raises(InputError, match=r"'turn' is not a convention \(did you mean turns\?\); give NAME=VALUE"):
         Convention.parse(["turn=2"])
-    with pytest.raises(InputError, match=r"double is '2.5'; give a whole number"):
+    with pytest.raises(InputError, match=r"double is '2.5': input should be a valid integer"):
         Convention.parse(["double=2.5"])
-    with pytest.raises(InputError, match="stamps is 'no'; give true or false"):
-        Convention.parse(["stamps=no"])
+    with pytest.raises(InputError, match="stamps is 'maybe': input should be a valid boolean"):
+        Convention.parse(["stamps=maybe"])
 
 
 def test_what_cannot_be_is_refused_by_name():
-    with pytest.raises(InputError, match=r"order is 'sideways'; choose one of: file, time, ring, random"):
+    with pytest.raises(InputError, match=r"order is 'sideways': input should be 'file', 'time', 'ring' or 'random'"):
         Convention(order="sideways")
-    with pytest.raises(InputError, match=r"turns is 0.0; it lies between 0.05 and 20"):
+    with pytest.raises(InputError, match=r"turns is 0.0: input should be greater than or equal to 0.05"):
         Convention(turns=0.0)
-    with pytest.raises(InputError, match=r"reference_speed is nan; it lies between -10 and 10"):
+    with pytest.raises(InputError, match=r"reference_speed is 'nan': input should be a finite number"):
         Convention.parse(["reference=start", "reference_speed=nan"])
     with pytest.raises(InputError, match="n_lidars is 9"):
         record("city", n_lidars=9)

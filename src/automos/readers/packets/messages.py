@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.readers.packets.pcap import Datagrams
-from automos.readers.point_cloud2 import header_end
+from automos.readers.wire import Wire
 
 _SCANS = {
     "velodyne_msgs/msg/VelodyneScan": (1206, False),
@@ -38,14 +38,10 @@ def rows_of_scans(
     """
     if kind != _SINGLE:
         return [row[None] for row in rows]
-    is_first = [raw[(end := _header_text_end(raw, is_ros2)) : end + 2] == b"\0\1" for raw in heads]
+    is_first = [Wire.behind_header(raw, is_ros2).take(2) == b"\0\1" for raw in heads]
     if not any(is_first):
         raise InputError(f"{where} does not say which packets begin a scan; record the points instead")
     return np.split(rows, np.flatnonzero(is_first))[1:]
-
-
-def _header_text_end(raw: bytes, is_ros2: bool) -> int:
-    return 16 + int.from_bytes(raw[12:16], "big" if is_ros2 and raw[1] == 0 else "little")
 
 
 def read_packets(raw: bytes, kind: str, is_ros2: bool, where: str) -> list[tuple[float, bytes]]:
@@ -56,33 +52,22 @@ def read_packets(raw: bytes, kind: str, is_ros2: bool, where: str) -> list[tuple
     InputError
         Fewer bytes than its packets need, or no packets.
     """
-    order, base = (">" if is_ros2 and raw[1] == 0 else "<"), 4 if is_ros2 else 0
-
-    def number(at: int) -> tuple[int, int]:
-        at += -(at - base) % 4 if is_ros2 else 0  # CDR starts each number at a multiple of four
-        return struct.unpack_from(f"{order}I", raw, at)[0], at + 4
-
     found: list[tuple[float, bytes]] = []
     count = 0
     try:
+        here = Wire.behind_header(raw, is_ros2)
         if kind == _SINGLE:
-            n, at = number(_header_text_end(raw, is_ros2) + 2)
-            seconds, nanoseconds = struct.unpack_from(f"{order}II", raw, 4)
-            found, count = [(seconds + 1e-9 * nanoseconds, raw[at : at + n])], 1
-            if at + n > len(raw):
-                raise struct.error
-            return found
-        fixed, has_size = _SCANS[kind]
-        count, at = number(header_end(raw, is_ros2))
-        for _ in range(count):
-            seconds, at = number(at)
-            nanoseconds, at = number(at)
-            n, at = (fixed, at) if fixed else number(at)
-            begin, at = at, at + n
-            n, at = number(at) if has_size else (n, at)
-            if at > len(raw) or n > len(raw):
-                raise struct.error
-            found.append((seconds + 1e-9 * nanoseconds, raw[begin : begin + n]))
+            stamp = Wire(raw, is_ros2).seconds()
+            here.take(2)  # whether it tells of the sensor, and whether it begins a scan
+            found, count = [(stamp, here.text())], 1
+        fixed, has_size = _SCANS.get(kind, (0, False))
+        count = count or here.number()
+        while len(found) < count:
+            stamp = here.seconds()
+            packet = here.take(fixed or here.number())
+            found.append((stamp, packet[: here.number()] if has_size else packet))
+        if here.at > len(raw):
+            raise struct.error
     except struct.error:
         found = []
     if not found:

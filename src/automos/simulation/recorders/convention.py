@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
 from difflib import get_close_matches
-from typing import Any, Literal, get_args, get_type_hints
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from automos.core.errors import InputError
 
@@ -14,8 +15,7 @@ Times = Literal["none", "relative", "absolute", "milliseconds", "backwards", "co
 Reference = Literal["raw", "start", "middle", "end"]
 
 
-@dataclass(frozen=True)
-class Convention:
+class Convention(BaseModel):
     """How a recorder keeps a recording.
 
     Attributes
@@ -60,34 +60,33 @@ class Convention:
         Share of points that are something in the air instead: dust, snow, insects.
     """
 
-    turns: float = 1.0
-    first_cut: float = 0.0
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    turns: float = Field(1.0, ge=0.05, le=20.0)
+    first_cut: float = Field(0.0, ge=0.0, le=1e6)
     order: Order = "file"
     times: Times = "none"
     stamps: bool = True
     reference: Reference = "raw"
-    reference_speed: float = 1.0
-    lost_packets: float = 0.0
-    every: int = 1
-    leave_out: int = 0
-    double: int = 0
+    reference_speed: float = Field(1.0, ge=-10.0, le=10.0)
+    lost_packets: float = Field(0.0, ge=0.0, le=1.0)
+    every: int = Field(1, ge=1, le=10**6)
+    leave_out: int = Field(0, ge=0, le=10**6)
+    double: int = Field(0, ge=0, le=10**6)
     renumbered: bool = False
-    unit: float = 1.0
-    rounding: float = 0.0
-    beams: int = 1
-    field_of_view: float = 360.0
-    lost_sector: float = 0.0
-    specks: float = 0.0
+    unit: float = Field(1.0, ge=1e-6, le=1e3)
+    rounding: float = Field(0.0, ge=0.0, le=10.0)
+    beams: int = Field(1, ge=1, le=1000)
+    field_of_view: float = Field(360.0, ge=0.0, le=360.0)
+    lost_sector: float = Field(0.0, ge=0.0, le=360.0)
+    specks: float = Field(0.0, ge=0.0, le=1.0)
 
-    def __post_init__(self) -> None:
-        hints = get_type_hints(type(self))
-        for name in ("order", "times", "reference"):
-            known = get_args(hints[name])
-            if getattr(self, name) not in known:
-                raise InputError(f"{name} is {getattr(self, name)!r}; choose one of: {', '.join(known)}.")
-        for name, least, most in _BOUNDS:
-            if not least <= getattr(self, name) <= most:
-                raise InputError(f"{name} is {getattr(self, name)}; it lies between {least:g} and {most:g}.")
+    def __init__(self, **values: Any):
+        """Take what differs from the plain convention; InputError where it is not possible."""
+        try:
+            super().__init__(**values)
+        except ValidationError as error:
+            raise InputError(_sentence(error)) from None
 
     @classmethod
     def parse(cls, words: Iterable[str]) -> Convention:
@@ -98,49 +97,19 @@ class Convention:
         InputError
             A word is no `name=value`, the name is unknown, or the value is none of its kind.
         """
-        hints, values = get_type_hints(cls), {}
-        for word in words:
-            name, equals, text = word.partition("=")
-            if not equals or name not in hints:
-                near = get_close_matches(name, hints, 1)
-                hint = f" (did you mean {near[0]}?)" if near else ""
-                raise InputError(
-                    f"{word!r} is not a convention{hint}; give NAME=VALUE, NAME one of: {', '.join(hints)}."
-                )
-            values[name] = _value(name, text, hints[name])
-        return cls(**values)
+        return cls(**{name: text for name, _, text in (word.partition("=") for word in words)})
 
     def __str__(self) -> str:
-        changed = (f.name for f in fields(self) if getattr(self, f.name) != f.default)
-        return ", ".join(f"{name}={getattr(self, name)}" for name in changed) or "plain"
+        changed = ((name, value) for name, value in self if value != type(self).model_fields[name].default)
+        return ", ".join(f"{name}={value}" for name, value in changed) or "plain"
 
 
-def _value(name: str, text: str, kind: Any) -> Any:
-    """Return `text` as a value of `kind`."""
-    if kind is bool:
-        if text.lower() not in ("true", "false"):
-            raise InputError(f"{name} is {text!r}; give true or false.")
-        return text.lower() == "true"
-    if kind not in (int, float):
-        return text
-    try:
-        return kind(text)
-    except ValueError:
-        raise InputError(f"{name} is {text!r}; give a {'whole ' if kind is int else ''}number.") from None
-
-
-_BOUNDS = (
-    ("turns", 0.05, 20.0),
-    ("first_cut", 0.0, 1e6),
-    ("reference_speed", -10.0, 10.0),
-    ("lost_packets", 0.0, 1.0),
-    ("every", 1, 10**6),
-    ("leave_out", 0, 10**6),
-    ("double", 0, 10**6),
-    ("unit", 1e-6, 1e3),
-    ("rounding", 0.0, 10.0),
-    ("beams", 1, 1000),
-    ("field_of_view", 0.0, 360.0),
-    ("lost_sector", 0.0, 360.0),
-    ("specks", 0.0, 1.0),
-)
+def _sentence(error: ValidationError) -> str:
+    """Return the first problem of `error` as a sentence."""
+    problem = error.errors()[0]
+    name, known = str(problem["loc"][0]), Convention.model_fields
+    if problem["type"] != "extra_forbidden":
+        return f"{name} is {problem['input']!r}: {problem['msg'][:1].lower()}{problem['msg'][1:]}."
+    near = get_close_matches(name, known, 1)
+    hint = f" (did you mean {near[0]}?)" if near else ""
+    return f"{name!r} is not a convention{hint}; give NAME=VALUE, NAME one of: {', '.join(known)}."

@@ -6,8 +6,6 @@ OUT/times.txt             where the recorder keeps a clock; OUT/poses.txt: true 
 OUT/convention.json       what the recorder did
 """
 
-import json
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +37,7 @@ def write_recorded(recorded: Recorded, out: str | Path) -> Path:
     earlier = (path for kind in ("velodyne/*.bin", "velodyne/*.npy", "labels/*.label") for path in out.glob(kind))
     for path in [out / "times.txt", out / "poses.txt", *earlier]:
         remove(path)
-    write_text(out / MARKER, json.dumps(asdict(recorded.convention), indent=2) + "\n")
+    write_text(out / MARKER, recorded.convention.model_dump_json(indent=2) + "\n")
     for index, name in enumerate(recorded.names):
         scan, truth = recorded[index], recorded.truth(index)
         if recorded.convention.times == "none":

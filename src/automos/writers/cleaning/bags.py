@@ -16,7 +16,8 @@ import numpy as np
 
 from automos.core.atomic import atomic_path
 from automos.core.errors import AutomosError, InputError
-from automos.readers.bag_file import IN_FILE, ZSTD, BagFile
+from automos.readers.bag_chunks import IN_FILE, ZSTD
+from automos.readers.bag_file import BagFile
 from automos.readers.bag_mcap import McapFile
 from automos.readers.bag_messages import PACKETS
 from automos.readers.bag_ros1 import Ros1File
