@@ -1,7 +1,8 @@
 """Scans in the order of time: what their files' order and their clock make of each other.
 
 Copies are renumbered (0, 1, 10, 11, ..., 2), clocks repeat and jump. Files that are out of the order of their times are
-put in order. A clock that jumps back and goes on evenly from there was set, and its order is not that of the scans.
+put in order. A clock that jumps back and goes on evenly from there was set, and its order is not that of the scans: of
+the two, what makes the steps of the clock more even is what happened.
 """
 
 from collections.abc import Sequence
@@ -16,11 +17,8 @@ from automos.core.pose_files import lines_of_scans
 from automos.core.reading import read_text
 from automos.core.scan import LATEST
 
-_MIXED = 3
-"""Scans put in their right order change between the runs they came in about as often as the clock ran back. Where they
-do more than this often for each time, two runs of the clock overlap."""
 _HOLE = 60.0
-"""Seconds between two runs of the clock, put in order, from which the second is not taken to follow the first."""
+"""Seconds, at most, after which a clock that began at 0 shows its next time."""
 _ONE_TIME = 1e-9
 """Seconds, below the resolution of any clock: times that differ by less are equal."""
 
@@ -81,9 +79,7 @@ def put_in_order(stamps: npt.NDArray[np.float64], names: Sequence[str], where: P
     said = f"scan {names[late]} is {-steps[late - 1]:.2f} s before the one that comes ahead of it, {names[late - 1]}"
     order = np.argsort(stamps, kind="stable")
     ordered = stamps[order]
-    run = np.concatenate([[0], np.cumsum(steps < 0.0)])[order]
-    changes = int((np.diff(run) != 0).sum())
-    if changes > _MIXED * len(back) or (changes == len(back) and _was_set_far_back(order, ordered)):
+    if _unevenness(steps[steps >= 0.0]) + usual * len(back) < _unevenness(np.diff(ordered)):
         steps = np.where(steps < 0.0, usual, steps)
         mended = stamps[0] + np.concatenate([[0.0], np.cumsum(steps)])
         return TimeOrder(
@@ -99,13 +95,9 @@ def put_in_order(stamps: npt.NDArray[np.float64], names: Sequence[str], where: P
     return TimeOrder(order, _apart(ordered, usual), warnings)
 
 
-def _was_set_far_back(order: npt.NDArray[np.int64], ordered: npt.NDArray[np.float64]) -> bool:
-    """Return whether a clock ran back to before the first scan, and then not on to where it had begun.
-
-    So does one that counts from the hour, or that is set by hours. Two halves in the wrong order fit together instead.
-    """
-    first = int(np.flatnonzero(order == 0)[0])
-    return first > 0 and ordered[first] - ordered[first - 1] > _HOLE
+def _unevenness(steps: npt.NDArray[np.float64]) -> float:
+    """Return the seconds by which `steps` (N,) differ from the usual one, in sum."""
+    return float(np.abs(steps - np.median(steps)).sum()) if len(steps) else 0.0
 
 
 def count_unset(stamps: npt.NDArray[np.float64]) -> int:
