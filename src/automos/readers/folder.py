@@ -80,7 +80,8 @@ class FolderSequence(Sequence):
         if self.codec == "pcd":
             from automos.readers.pcd import read_viewpoints, surplus_warnings
 
-            self._viewpoints, self._surplus = read_viewpoints(self.paths), surplus_warnings(self.paths)
+            self._viewpoints, said = read_viewpoints(self.paths)
+            self._surplus = [*said, *surplus_warnings(self.paths)]
         self._T_file_sensor = self._find_frame()
         columns = f"The files have no header; their points are read as --columns {self.columns}."
         frame = "The clouds are in the frame of a map; the poses that came with them took them back."

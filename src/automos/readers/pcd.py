@@ -68,13 +68,27 @@ def read_header(path: Path) -> Header:
         return _parse_header(file.read(_LONGEST_HEADER), path)
 
 
-def read_viewpoints(paths: Sequence[Path]) -> Pose | None:
-    """Return (N, 4, 4) the viewpoints of the files at `paths`; None where all are as if they had none.
+def read_viewpoints(paths: Sequence[Path]) -> tuple[Pose | None, list[str]]:
+    """Return (N, 4, 4) the viewpoints of the files at `paths`, None where all are as if they had none; what to say.
 
-    Of many files, some are looked at first.
+    Of many files, some are looked at first. Some writers put w last: where only so the sensor stands upright, or is
+    not turned by half a turn exactly where the frame begins or it stays, it is meant so.
     """
+    from scipy.spatial.transform import Rotation
+
     some = [read_header(path).viewpoint for path in evenly_spread(paths, _LOOKS)]
-    return None if np.allclose(some, np.eye(4)) else np.stack([read_header(path).viewpoint for path in paths])
+    if np.allclose(some, np.eye(4)):
+        return None, []
+    T = np.stack([read_header(path).viewpoint for path in paths])
+    first_to_last = np.roll(Rotation.from_matrix(T[:, :3, :3]).as_quat(), 1, axis=1)
+    R, up = Rotation.from_quat(first_to_last).as_matrix(), T[:, 2, 2].min()
+    is_there = ~T[:, :3, 3].any(axis=1) | (np.ptp(T[:, :3, 3], axis=0).max() == 0.0)
+    is_half_turn = np.isclose(first_to_last[:, 3] ** 2, 1.0, rtol=0.0, atol=1e-12)
+    if R[:, 2, 2].min() <= (0.0 if (is_half_turn & is_there).any() else max(up, 0.0)):
+        return T, []
+    T[:, :3, :3] = R
+    said = f"{paths[0].parent}: VIEWPOINT has its quaternions as x y z w; the format has them as w x y z. Read as the first"
+    return (None if np.allclose(T, np.eye(4)) else T), [f"{said}, the sensor stands upright."]
 
 
 def surplus_warnings(paths: Sequence[Path]) -> list[str]:
