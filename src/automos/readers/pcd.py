@@ -1,11 +1,12 @@
 """Point Cloud Library files: a text header, then ascii, binary or binary_compressed points of any fields."""
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from automos.core.arrays import evenly_spread
 from automos.core.errors import InputError
@@ -14,7 +15,7 @@ from automos.core.reading import read_bytes
 from automos.core.scan import Pose
 from automos.readers.columns import MAX_FIELDS, Columns
 from automos.readers.lzf import decompress
-from automos.readers.records import require_in_place
+from automos.readers.records import columns_of_field, require_in_place
 from automos.readers.text import parse_points
 
 _MAX_COUNT = 1 << 16
@@ -47,7 +48,7 @@ class Header:
 
 
 def read(path: Path) -> Columns:
-    """Return the columns of one file; those of several values per point (histograms) and padding are left out."""
+    """Return the columns of one file; those of several values, other than places, and padding are left out."""
     raw = read_bytes(path)
     header = _parse_header(raw, path)
     body = raw[header.start :]
@@ -56,7 +57,7 @@ def read(path: Path) -> Columns:
     if header.encoding == "binary":
         _require_bytes(len(body), header.n_points * header.dtype.itemsize, path)
         points = np.frombuffer(body, header.dtype, header.n_points)
-        columns = {name: points[name] for name in _scalar_fields(header.dtype)}
+        columns = _columns(header, points.__getitem__)
         require_in_place(columns, body, len(body) - points.nbytes, path)
         return columns
     return _from_compressed(body, header, path)
@@ -87,8 +88,8 @@ def read_viewpoints(paths: Sequence[Path]) -> tuple[Pose | None, list[str]]:
     if R[:, 2, 2].min() <= (0.0 if (is_half_turn & is_there).any() else max(up, 0.0)):
         return T, []
     T[:, :3, :3] = R
-    said = f"{paths[0].parent}: VIEWPOINT has its quaternions as x y z w; the format has them as w x y z. Read as the first"
-    return (None if np.allclose(T, np.eye(4)) else T), [f"{said}, the sensor stands upright."]
+    said = "VIEWPOINT has its quaternions as x y z w, as which they are read; the format has them as w x y z."
+    return (None if np.allclose(T, np.eye(4)) else T), [f"{paths[0].parent}: {said}"]
 
 
 def surplus_warnings(paths: Sequence[Path]) -> list[str]:
@@ -169,8 +170,11 @@ def _viewpoint(words: list[str] | None) -> Pose:
 
 
 # ------------------------------------------------------------------------------------------------------- points
-def _scalar_fields(dtype: np.dtype) -> list[str]:
-    return [name for name in dtype.names or () if dtype[name].shape == () and not name.startswith("_")]
+def _columns(header: Header, values_of: Callable[[str], npt.NDArray]) -> Columns:
+    columns: Columns = {}
+    for name in header.dtype.names or ():
+        columns |= {} if name.startswith("_") else columns_of_field(name, values_of(name))
+    return columns
 
 
 def _require_bytes(got: int, promised: int, path: Path) -> None:
@@ -183,8 +187,8 @@ def _require_bytes(got: int, promised: int, path: Path) -> None:
 def _from_text(body: bytes, header: Header, path: Path) -> Columns:
     widths = [int(np.prod(header.dtype[name].shape, dtype=int)) for name in header.dtype.names or ()]
     matrix = parse_points(path, body, sum(widths), 0, header.n_points, is_last=True)
-    first = dict(zip(header.dtype.names or (), np.cumsum([0, *widths]), strict=False))
-    return {name: matrix[:, first[name]] for name in _scalar_fields(header.dtype)}
+    parts = dict(zip(header.dtype.names or (), np.split(matrix, np.cumsum(widths)[:-1], axis=1), strict=True))
+    return _columns(header, lambda name: parts[name] if parts[name].shape[1] > 1 else parts[name][:, 0])
 
 
 def _from_compressed(body: bytes, header: Header, path: Path) -> Columns:
@@ -201,13 +205,9 @@ def _from_compressed(body: bytes, header: Header, path: Path) -> Columns:
         unpacked = decompress(np.frombuffer(body, np.uint8, n_packed, offset=8), n_unpacked)
     except ValueError as error:
         raise InputError(f"{path} cannot be unpacked: {error}; copy it again") from None
-    columns: Columns = {}
-    start = 0
-    for name in header.dtype.names or ():
-        field = header.dtype[name]
-        end = start + field.itemsize * header.n_points
-        if name in _scalar_fields(header.dtype):
-            columns[name] = unpacked[start:end].view(field)
-        start = end
+    sizes = [header.dtype[name].itemsize * header.n_points for name in header.dtype.names or ()]
+    parts = dict(zip(header.dtype.names or (), np.split(unpacked, np.cumsum(sizes)[:-1]), strict=True))
+    dtype = header.dtype
+    columns = _columns(header, lambda name: parts[name].view(dtype[name].base).reshape(-1, *dtype[name].shape))
     require_in_place(columns, body, len(body) - 8 - n_packed, path)
     return columns

@@ -7,6 +7,7 @@ the two, what makes the steps of the clock more even is what happened.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,8 @@ from automos.core.scan import LATEST
 
 _HOLE = 60.0
 """Seconds, at most, after which a clock that began at 0 shows its next time."""
+_SLOWEST = 50.0, 5.0
+"""Seconds between scans from which whole numbers are none of seconds, and at most, of a smaller unit."""
 _ONE_TIME = 1e-9
 """Seconds, below the resolution of any clock: times that differ by less are equal."""
 
@@ -26,19 +29,31 @@ _ONE_TIME = 1e-9
 def read_times(path: Path, names: Sequence[str]) -> npt.NDArray[np.float64]:
     """Return (N,) the seconds that the file at `path` holds of scans called `names`, one a line.
 
+    They may be dates, or whole numbers of milli-, micro- or nanoseconds.
+
     Raises
     ------
     InputError
         It holds something else, or other numbers of them than the scans' names pick.
     """
     try:
-        times = np.array([float(line) for line in read_text(path).splitlines() if line.strip()])
+        lines = [line.strip() for line in read_text(path).splitlines() if line.strip()]
+        times = np.array([seconds_of(line) if ":" in line else float(line) for line in lines])
     except (OSError, ValueError) as error:
         raise InputError(f"{path} must hold one time in seconds a line: {error}") from None
+    step = usual_step(times) or 0.0
+    if step > _SLOWEST[0] and np.array_equal(times, np.floor(times)):
+        times = times * next((unit for unit in (1e-3, 1e-6) if unit * step <= _SLOWEST[1]), 1e-9)
     is_time = np.abs(times) < LATEST
     if not is_time.all():
         raise InputError(f"{path}, line {int(np.argmin(is_time)) + 1}: the time is not a number of seconds")
     return times[lines_of_scans(len(times), len(names), names, path, "times")]
+
+
+def seconds_of(date: str) -> float:
+    """Return the seconds since 1970 of a date with nanoseconds."""
+    whole, _, fraction = date.partition(".")
+    return datetime.fromisoformat(whole).replace(tzinfo=UTC).timestamp() + float(f"0.{fraction or 0}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +94,7 @@ def put_in_order(stamps: npt.NDArray[np.float64], names: Sequence[str], where: P
     said = f"scan {names[late]} is {-steps[late - 1]:.2f} s before the one that comes ahead of it, {names[late - 1]}"
     order = np.argsort(stamps, kind="stable")
     ordered = stamps[order]
-    if _unevenness(steps[steps >= 0.0]) + usual * len(back) < _unevenness(np.diff(ordered)):
+    if _unevenness(steps[steps >= 0.0]) + len(back) < _unevenness(np.diff(ordered)):
         steps = np.where(steps < 0.0, usual, steps)
         mended = stamps[0] + np.concatenate([[0.0], np.cumsum(steps)])
         return TimeOrder(
@@ -96,8 +111,9 @@ def put_in_order(stamps: npt.NDArray[np.float64], names: Sequence[str], where: P
 
 
 def _unevenness(steps: npt.NDArray[np.float64]) -> float:
-    """Return the seconds by which `steps` (N,) differ from the usual one, in sum."""
-    return float(np.abs(steps - np.median(steps)).sum()) if len(steps) else 0.0
+    """Return by how many usual steps `steps` (N,), >= 0, differ from the usual one, in sum."""
+    usual = float(np.median(steps)) if len(steps) else 1.0
+    return float(np.abs(steps - usual).sum()) / usual if usual > 0.0 else np.inf
 
 
 def count_unset(stamps: npt.NDArray[np.float64]) -> int:
