@@ -30,7 +30,7 @@ def read(path: Path, columns: str = "") -> Columns:
     if array.dtype.names is None and array.dtype.kind not in "fiu":
         raise InputError(f"{path} holds {array.dtype} values; points are numbers")
     if array.dtype.names:
-        flat, found = array.reshape(-1), {}
+        flat, found = array.reshape(-1), Columns()
         for name in array.dtype.names:
             found |= columns_of_field(name, flat[name])
     else:

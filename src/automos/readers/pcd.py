@@ -69,7 +69,7 @@ def read_header(path: Path) -> Header:
         return _parse_header(file.read(_LONGEST_HEADER), path)
 
 
-def read_viewpoints(paths: Sequence[Path]) -> tuple[Pose | None, list[str]]:
+def read_headers(paths: Sequence[Path]) -> tuple[Pose | None, list[str]]:
     """Return (N, 4, 4) the viewpoints of the files at `paths`, None where all are as if they had none; what to say.
 
     Of many files, some are looked at first. Some writers put w last: where only so the sensor stands upright, or is
@@ -78,21 +78,22 @@ def read_viewpoints(paths: Sequence[Path]) -> tuple[Pose | None, list[str]]:
     from scipy.spatial.transform import Rotation
 
     some = [read_header(path).viewpoint for path in evenly_spread(paths, _LOOKS)]
+    surplus = _surplus_warnings(paths)
     if np.allclose(some, np.eye(4)):
-        return None, []
+        return None, surplus
     T = np.stack([read_header(path).viewpoint for path in paths])
     first_to_last = np.roll(Rotation.from_matrix(T[:, :3, :3]).as_quat(), 1, axis=1)
     R, up = Rotation.from_quat(first_to_last).as_matrix(), T[:, 2, 2].min()
     is_there = ~T[:, :3, 3].any(axis=1) | (np.ptp(T[:, :3, 3], axis=0).max() == 0.0)
     is_half_turn = np.isclose(first_to_last[:, 3] ** 2, 1.0, rtol=0.0, atol=1e-12)
     if R[:, 2, 2].min() <= (0.0 if (is_half_turn & is_there).any() else max(up, 0.0)):
-        return T, []
+        return T, surplus
     T[:, :3, :3] = R
     said = "VIEWPOINT has its quaternions as x y z w, as which they are read; the format has them as w x y z."
-    return (None if np.allclose(T, np.eye(4)) else T), [f"{paths[0].parent}: {said}"]
+    return (None if np.allclose(T, np.eye(4)) else T), [f"{paths[0].parent}: {said}", *surplus]
 
 
-def surplus_warnings(paths: Sequence[Path]) -> list[str]:
+def _surplus_warnings(paths: Sequence[Path]) -> list[str]:
     """Return what to say of bytes that lie behind the points of the files at `paths`."""
     with_surplus = [(path, n) for path in paths if (n := _count_surplus(path)) > 0]
     if not with_surplus:

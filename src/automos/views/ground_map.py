@@ -102,7 +102,7 @@ class GroundMap:
         return np.ascontiguousarray(image[::-1])  # north is up, rows go down
 
 
-def _levels(count: npt.NDArray[np.int64]) -> npt.NDArray[np.uint8]:
+def _levels(count: npt.NDArray[np.int32]) -> npt.NDArray[np.uint8]:
     """Return 0 for empty cells and 1 to 4 by the number of points."""
     return np.digitize(count, [1, 4, 16, 64]).astype(np.uint8)
 
