@@ -475,6 +475,19 @@ def test_a_split_bag_is_one_drive_whatever_its_parts_are_called(tmp_path, drive)
     assert_same(open_sequence(tmp_path), drive)
 
 
+@pytest.mark.parametrize("back", [0.15, 20.0, 4e6])
+def test_a_clock_that_is_set_back_amid_a_drive_leaves_its_scans_as_they_were_recorded(tmp_path, drive, back):
+    later = [
+        (round(1e9 * s.stamp), s.stamp - back * (k > 2), cloud(DRIVERS["velodyne"](s))) for k, s in enumerate(drive)
+    ]
+    sequence = open_sequence(write_bag(tmp_path / "log.mcap", {"/points": later}))
+    for got, true in zip(sequence, drive, strict=True):
+        np.testing.assert_array_equal(got.points, true.xyz)
+        np.testing.assert_allclose(got.time, true.time, atol=3e-6)
+    np.testing.assert_allclose(np.diff(sequence.stamps), 0.1, atol=1e-3)
+    assert any("the clock jumps back at 1 scans" in words for words in sequence.warnings)
+
+
 def test_a_split_bag_is_one_drive_though_each_part_has_a_folder(tmp_path, drive):
     messages = [(round(1e9 * s.stamp), s.stamp, cloud(DRIVERS["velodyne"](s))) for s in drive]
     for k in range(3):
