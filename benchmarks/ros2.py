@@ -65,6 +65,8 @@ def main() -> None:
     spinning = threading.Thread(target=rclpy.spin, args=(robot,), daemon=True)
     spinning.start()
     while publisher.get_subscription_count() == 0:
+        if node_process.poll() is not None:
+            sys.exit(f"the node has ended: {node_process.communicate()[0]}")
         time.sleep(0.1)
     time.sleep(2.0)
     process = psutil.Process(node_process.pid)

@@ -73,11 +73,11 @@ def test_a_run_is_cold_as_long_as_numba_finds_nothing_of_this_source(monkeypatch
     def is_cold():  # in a process that starts now
         spec = importlib.util.spec_from_file_location("small", source)
         spec.loader.exec_module(module := importlib.util.module_from_spec(spec))
-        monkeypatch.setattr(object_points, "_find_near", module.one_more)
+        monkeypatch.setattr(object_points, "_around", module.one_more)
         return compiling.is_cold()
 
     assert is_cold()
-    assert object_points._find_near(1) == 2
+    assert object_points._around(1) == 2
     assert not is_cold()
     for kept in tmp_path.rglob("*.nb[ic]"):  # copied from elsewhere, with the times of then
         os.utime(kept, (0, 0))
@@ -87,7 +87,7 @@ def test_a_run_is_cold_as_long_as_numba_finds_nothing_of_this_source(monkeypatch
 
 
 def test_where_numba_does_not_compile_nothing_is_cold(monkeypatch):
-    monkeypatch.setattr(object_points, "_find_near", lambda: None)
+    monkeypatch.setattr(object_points, "_around", lambda: None)
     assert not compiling.is_cold()
 
 

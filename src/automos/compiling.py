@@ -93,7 +93,7 @@ def is_cold() -> bool:
 def _last_kernel() -> Any:
     from automos.objects import object_points
 
-    return object_points._find_near
+    return object_points._around
 
 
 def compile_all() -> None:

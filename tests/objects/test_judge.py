@@ -9,7 +9,6 @@ from automos.objects.detections import Detections
 from automos.objects.judge import (
     BODY,
     LEAST_SOLID,
-    LOOK,
     MOVED,
     PIECE,
     POROUS,
@@ -17,7 +16,6 @@ from automos.objects.judge import (
     WRONG,
     is_scenery,
     judge_tracks,
-    looks,
     moving_now,
     segment_terms,
 )
@@ -141,11 +139,6 @@ def test_what_keeps_its_foot_is_steady_though_its_roof_is_hidden_now_and_then():
     assert confidence_on(center=STRAIGHT, moved=0.2, stayed=0.2, z=CLIMBING) < confidence_on(
         center=STRAIGHT, moved=0.2, stayed=0.2
     )
-
-
-def test_scans_count_by_the_time_between_them():
-    first, times = np.array([0, 3, 3, 5]), np.r_[0.0, 0.1 * LOOK, 5.0 * LOOK, 1.0, 1.0 + 0.5 * LOOK]
-    np.testing.assert_allclose(looks(first, times), [1.0, 0.1, 1.0, 1.0, 0.5])
 
 
 def test_what_waits_for_long_and_then_leaves_has_moved():

@@ -8,6 +8,7 @@ import numpy as np
 
 from automos.core.array_sequence import ArraySequence
 from automos.core.atomic import write_text
+from automos.core.blas import one_blas_thread
 from automos.core.claims import DEMO, claim
 from automos.core.labels import to_mos
 from automos.core.scan import Scan, Sequence
@@ -55,10 +56,8 @@ def run_demo(folder: Path, settings: Settings, progress: Callable[[str, int, int
 
 
 def _record(world: SimulatedSequence, progress: Callable[[str, int, int], None]) -> tuple[list[Scan], list[np.ndarray]]:
-    from threadpoolctl import threadpool_limits
-
     scans, truth = [], []
-    with threadpool_limits(1, "blas"):  # small products, at which more threads only wait: the other cores compile
+    with one_blas_thread():
         for i in range(len(world)):
             scans.append(world[i])
             truth.append(to_mos(world.truth(i)))

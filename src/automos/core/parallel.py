@@ -91,6 +91,15 @@ def map_in_order(
             yield from pool(delayed(function)(item) for item in ahead)
 
 
+def map_in_shares(
+    pool: ThreadPoolExecutor, function: Callable[[Item], Result], items: Iterable[Item], shares: int = 4
+) -> list[Result]:
+    """Return function(item) for each of `items`, in order, in a few tasks of `pool`: one for each takes longer."""
+    items = list(items)
+    parts = [items[k * len(items) // shares : (k + 1) * len(items) // shares] for k in range(shares)]
+    return [found for part in pool.map(lambda part: list(map(function, part)), parts) for found in part]
+
+
 def end_with(parent: int) -> None:
     """End this process soon after process `parent`, which started it, however that ends."""
 

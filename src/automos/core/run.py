@@ -6,6 +6,7 @@ from contextlib import contextmanager
 
 import numpy.typing as npt
 
+from automos.core.blas import one_blas_thread
 from automos.core.workspace import Arrays, Stage, Workspace
 
 Progress = Callable[[str, int, int], None]
@@ -61,5 +62,6 @@ class Run:
     @contextmanager
     def _timed(self, name: str) -> Iterator[None]:
         start = time.perf_counter()
-        yield
+        with one_blas_thread():
+            yield
         self.seconds[name] = time.perf_counter() - start

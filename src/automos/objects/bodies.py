@@ -21,7 +21,7 @@ from scipy.sparse.csgraph import connected_components
 
 from automos.core.scan import Mask
 from automos.objects.association import assign
-from automos.objects.judge import looks
+from automos.objects.looks import looks
 from automos.objects.motion import ACCELERATION, NOISE, smooth_paths
 from automos.objects.tracker import until_last_seen
 from automos.objects.tracks import Tracks, observed
@@ -144,7 +144,7 @@ def links_in_time(tracks: Tracks, is_moving: Mask, is_whole: Mask, evidence: Arr
     first = tracks.first_rows()
     last = np.append(first[1:], len(tracks.track))[: len(first)] - 1
     t, bounds = times[tracks.scan], np.append(first, len(tracks.track))
-    ended, begun = (_log_moved(evidence, t, bounds, at) for at in (last, first))
+    ended, begun = (np.where(is_moving, 0.0, _log_moved(evidence, t, bounds, at)) for at in (last, first))
 
     def likely(a: Rows, b: Rows, rows: Rows) -> tuple[Rows, Rows, Array]:
         possible = (a != b) & (is_moving[a] | is_moving[b]) & is_whole[a] & is_whole[b]

@@ -81,7 +81,7 @@ def _whole_boxes(
         measured = centers(body, low, high, origin)
     # What is added to what a body showed lies behind it: its place there changes with the place of the sensor.
     speed = np.hypot(*body.velocity[:, :2].T)
-    fastest = np.array([np.quantile(speed[begin:end], SHOWN) for begin, end in pairwise(first)])
+    fastest = _usual(first, speed)
     whole = replace(body, size=np.repeat(whole_extent(body.size[first[:-1]], fastest), np.diff(first), axis=0))
     behind = centers(whole, low, high, origin) - measured
     body = _along(body, first, times, measured, yaw, length)
@@ -168,13 +168,19 @@ def boxed_intervals(tracks: Tracks, own: Boxes, origin: Array) -> Intervals:
 
 def extents(first: Rows, low: Array, high: Array) -> Array:
     """Return (R, 3) what each row's body showed of its extent, from its intervals in all scans."""
-    shown = np.zeros((len(first) - 1, 3))
-    for k, (begin, end) in enumerate(pairwise(first)):
-        intervals = (high - low)[begin:end]
-        intervals = intervals[np.isfinite(intervals[:, 0])]
-        if len(intervals):
-            shown[k] = np.quantile(intervals, SHOWN, axis=0)
-    return np.repeat(shown, np.diff(first), axis=0)
+    shown = np.column_stack([_usual(first, axis) for axis in (high - low).T])
+    return np.repeat(np.nan_to_num(shown), np.diff(first), axis=0)
+
+
+def _usual(first: Rows, values: Array) -> Array:
+    """Return (T,) the quantile `SHOWN` of the `values` (R,) of each body, of those that are finite; NaN without any."""
+    body = np.repeat(np.arange(len(first) - 1), np.diff(first))
+    ordered = np.append(values[np.lexsort((values, body))], np.nan)  # NaN comes last
+    n = np.bincount(body[np.isfinite(values)], minlength=len(first) - 1)
+    at = SHOWN * np.maximum(n - 1, 0)
+    below, above = np.floor(at).astype(int), np.ceil(at).astype(int)
+    between = ordered[first[:-1] + below] * (1.0 - (at - below)) + ordered[first[:-1] + above] * (at - below)
+    return np.where(n > 0, between, np.nan)
 
 
 def centers(tracks: Tracks, low: Array, high: Array, origin: Array) -> Array:

@@ -34,6 +34,7 @@ from automos.core.column_data import ColumnData
 from automos.core.scan import Mask
 from automos.objects.detections import Detections
 from automos.objects.face_paths import path_terms
+from automos.objects.looks import looks, share_first_looks
 from automos.objects.motion import NOISE
 from automos.objects.states import later, state_probabilities
 from automos.objects.tracks import Tracks
@@ -44,7 +45,6 @@ Array = npt.NDArray[np.float64]
 MOVED, STAYED = (1.02, 0.49, 0.455), (0.18, 0.98, 0.455)
 """Dirichlet distributions of the shares of moved, stayed and unknown points in a scan: of a mover in motion, and of a
 static object."""
-LOOK = 1.7  # seconds within which scans say the same
 WRONG = 0.001  # share of looks in which the evidence is that of the other state
 BEGIN, END = 0.003, 0.02  # changes of state per second
 BODY, PIECE, POROUS, UNSTEADY = 1.8, -3.2, -0.5, -0.8  # log-odds of moving per look: of all, and per unit of a term
@@ -167,7 +167,7 @@ def _weighted(
     ratio = of_rows.evidence + np.repeat(UNSTEADY * unsteady, np.diff(first))
     worth = looks(first, times, since=past.stamp)
     if is_going_on:
-        _share_first_looks(worth, first, times, np.isinf(past.stamp))
+        share_first_looks(worth, first, times, np.isinf(past.stamp))
     return first, times, ratio * worth, scatter, displaced
 
 
@@ -187,28 +187,6 @@ def moving_now(tracks: Tracks, verdicts: Verdicts, stamps: Array) -> Tracks:
     p_moving, _ = state_probabilities(first, times, ratio, even, even, CHANGE, CHANGE)
     p_ever = np.where(verdicts.is_moving, verdicts.confidence, 1.0 - verdicts.confidence)
     return replace(tracks, p_moving=p_moving * p_ever[tracks.track])
-
-
-def looks(first: npt.NDArray[np.int64], times: Array, look: float = LOOK, since: Array | float = -np.inf) -> Array:
-    """Return (R,) the looks that each observation is worth: 1, or the time since the one before if that is less.
-
-    first : (T + 1,) the first observation of each track.   times : (R,) seconds.
-    since : (T,) seconds of an observation before the first one.
-    """
-    before = np.append(times[:1], times[:-1])
-    is_seen = np.diff(first) > 0
-    before[first[:-1][is_seen]] = np.broadcast_to(since, len(is_seen))[is_seen]
-    return np.minimum((times - before) / look, 1.0)
-
-
-def _share_first_looks(worth: Array, first: npt.NDArray[np.int64], times: Array, is_new: Mask) -> None:
-    """Share the looks within the first one of new tracks (T,) evenly among its observations, in place.
-
-    What has just come into sight is judged by all scans since, as later ones do not outweigh its first one yet.
-    """
-    for begin, end in np.column_stack([first[:-1], first[1:]])[is_new]:
-        within = slice(begin, begin + np.searchsorted(times[begin:end], times[begin:end][:1].sum() + LOOK))
-        worth[within] = worth[within].sum() / max(within.stop - begin, 1)
 
 
 def is_scenery(tracks: Tracks, is_moving: Mask, has_stayed: Sequence[Mask]) -> Mask:

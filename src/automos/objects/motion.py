@@ -10,8 +10,6 @@ position (Rauch, Tung and Striebel, "Maximum likelihood estimates of linear dyna
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 import numpy.typing as npt
 
@@ -30,11 +28,7 @@ def smooth_paths(first: Rows, times: Array, measured: Array) -> tuple[Array, Arr
     measured : (R, D) metres; NaN where a path was not observed.
     """
     position, velocity, variance = np.empty_like(measured), np.empty_like(measured), np.empty(len(times))
-    for begin, end in pairwise(first):
-        t = times[begin:end]
-        for axis, z in enumerate(measured[begin:end].T.copy()):
-            x, v, variance[begin:end] = smooth(t, z, NOISE**2, ACCELERATION**2)
-            position[begin:end, axis], velocity[begin:end, axis] = x, v
+    _smooth_paths(first, times, np.ascontiguousarray(measured), NOISE**2, ACCELERATION**2, position, velocity, variance)
     return position, velocity, variance
 
 
@@ -82,3 +76,12 @@ def smooth(t, z, variance, jerkiness):  # type: ignore[no-untyped-def]
         now[i, 3] += g00 * g10 * da + (g00 * g11 + g01 * g10) * db + g01 * g11 * dc
         now[i, 4] += g10 * g10 * da + 2.0 * g10 * g11 * db + g11 * g11 * dc
     return now[:, 0], now[:, 1], now[:, 4]
+
+
+@kernel(error_model="numpy")
+def _smooth_paths(first, times, measured, noise, jerkiness, position, velocity, variance):  # type: ignore[no-untyped-def]
+    for k in range(len(first) - 1):
+        rows = slice(first[k], first[k + 1])
+        for axis in range(measured.shape[1]):
+            x, v, variance[rows] = smooth(times[rows], measured[rows, axis].copy(), noise, jerkiness)
+            position[rows, axis], velocity[rows, axis] = x, v

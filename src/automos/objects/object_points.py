@@ -60,15 +60,16 @@ def paint_objects(
             # Of the other sides, a kind's usual one may be farther than the body's own.
             low = np.r_[min(low[0], own[0].min()), own[1:].min(axis=1)]
             high = np.r_[max(high[0], own[0].max()), own[1:].max(axis=1)]
-        rows = _find_near(points, center, np.hypot(*np.maximum(-low[:2], high[:2])) + RINGS[-1] + margin)
-        local = _in_box(points[rows], center, turn)
-        outside = np.maximum(low[:2, None] - local[:2], local[:2] - high[:2, None]).max(axis=0)
+        reach = np.hypot(*np.maximum(-low[:2], high[:2])) + RINGS[-1] + margin
+        rows, local, outside = _around(points, center, turn, low[:2], high[:2], reach)
         is_mine = (outside <= margin) & (local[2] <= high[2] + margin) & may_move[rows] & (track_of[rows] < 0)
         distances = outside[is_ground[rows] & (outside > margin)] - margin
         ring = next((ring for ring in RINGS if np.count_nonzero(distances <= ring) >= MIN_GROUND), RINGS[0])
         is_beside = is_ground[rows] & (outside > margin) & (outside <= ring + margin)
         must_stand = is_ground[rows] | (segment >= 0)
-        is_mine &= ~must_stand | _stands(local, local[:, is_beside])
+        # Far away, where hardly any ground is seen, a body's own lowest part is taken for it: more in it than around it.
+        is_alone = segment >= 0 and np.count_nonzero(is_ground[rows] & (outside <= margin)) > np.count_nonzero(is_beside)
+        is_mine &= ~must_stand | _stands(local, local[:, is_beside], is_alone)
         track_of[rows[is_mine]] = moving.track[k]
     return track_of
 
@@ -86,11 +87,11 @@ def _in_box(points: npt.NDArray, center: Array, turn: tuple[float, float]) -> Ar
     return np.stack([c * x + s * y, c * y - s * x, z])
 
 
-def _stands(points: Array, ground: Array) -> Mask:
-    """Return (K,) which of `points` (3, K) are above the plane of the `ground` (3, G) beside them."""
+def _stands(points: Array, ground: Array, if_unknown: bool) -> Mask:
+    """Return (K,) which of `points` (3, K) are above the plane of the `ground` (3, G) beside them, if it is known."""
     n = ground.shape[1]
     if n < MIN_GROUND:
-        return np.zeros(points.shape[1], np.bool_)
+        return np.full(points.shape[1], if_unknown)
     base = np.stack([*ground[:2], np.ones(n)])
     moments = base @ ground[2]
     plane = np.linalg.solve(base @ base.T + np.diag([1e-3 * n, 1e-3 * n, 0.0]), moments)
@@ -100,14 +101,21 @@ def _stands(points: Array, ground: Array) -> Mask:
 
 
 @kernel
-def _find_near(points, center, reach):  # type: ignore[no-untyped-def]
-    """Return the rows of points whose x and y are within `reach` of those of `center`."""
-    rows, n = np.empty(len(points), np.int32), 0
+def _around(points, center, turn, low, high, reach):  # type: ignore[no-untyped-def]
+    """Return the rows (K,) of points whose x and y are within `reach` of those of `center`, and where they are.
+
+    Second and third are their coordinates in the box (3, K), see `_in_box`, and how far (K,) they are outside its
+    sides, from `low` to `high` along and across it, metres.
+    """
+    rows, local, outside, n = np.empty(len(points), np.int32), np.empty((3, len(points))), np.empty(len(points)), 0
     for i in range(len(points)):
-        if abs(points[i, 0] - center[0]) <= reach and abs(points[i, 1] - center[1]) <= reach:
-            rows[n] = i
+        x, y = points[i, 0] - center[0], points[i, 1] - center[1]
+        if abs(x) <= reach and abs(y) <= reach:
+            along, across = turn[0] * x + turn[1] * y, turn[0] * y - turn[1] * x
+            rows[n], local[0, n], local[1, n], local[2, n] = i, along, across, points[i, 2] - center[2]
+            outside[n] = max(low[0] - along, along - high[0], low[1] - across, across - high[1])
             n += 1
-    return rows[:n]
+    return rows[:n], local[:, :n], outside[:n]
 
 
 def find_moved(ids: Ids, found: Detections) -> Mask:

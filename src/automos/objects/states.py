@@ -38,9 +38,7 @@ def state_probabilities(
     Equations: states, readings
     """
     p_moving, p_ever = np.zeros(len(times)), np.array(ever, np.float64)
-    for k in np.flatnonzero(np.diff(first)):
-        rows = slice(first[k], first[k + 1])
-        p_moving[rows], p_ever[k] = _smoothed(times[rows], ratio[rows], start[k], ever[k], begin, end)
+    _smooth_states(first, times, ratio, start, p_ever, begin, end, p_moving)
     return p_moving, p_ever
 
 
@@ -77,3 +75,11 @@ def _smoothed(times, ratio, p, ever, begin, end):  # type: ignore[no-untyped-def
         p = to_moves * now[t + 1] / ahead[t + 1] + (1.0 - to_moves) * (1.0 - now[t + 1]) / (1.0 - ahead[t + 1])
         now[t] = min(max(now[t] * p, 0.0), 1.0)
     return now, -np.expm1(min(log_stands - log_total, 0.0))
+
+
+@kernel
+def _smooth_states(first, times, ratio, start, ever, begin, end, p_moving):  # type: ignore[no-untyped-def]
+    for k in range(len(start)):
+        rows = slice(first[k], first[k + 1])
+        if rows.stop > rows.start:
+            p_moving[rows], ever[k] = _smoothed(times[rows], ratio[rows], start[k], ever[k], begin, end)

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.array_sequence import ArraySequence
+from automos.core.blas import one_blas_thread
 from automos.core.scan import Pose, Scan, Sequence
 from automos.odometry.clock import read_clock
 from automos.odometry.followed import TimedScan
@@ -60,7 +61,8 @@ class BackgroundTask(Generic[Result]):
 def _at_low_priority(find: Callable[[], Result]) -> Result:
     with suppress(OSError, AttributeError):  # priorities of threads exist on Linux only
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
-    return find()
+    with one_blas_thread():
+        return find()
 
 
 class _Followed(Sequence):

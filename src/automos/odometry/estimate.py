@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from automos.core.blas import one_blas_thread
 from automos.core.errors import InputError
 from automos.core.geometry import Array, checked_poses, inverse
 from automos.core.parallel import available_cores
@@ -60,16 +61,13 @@ def estimate_trajectory(
     InputError
         If the sequence is empty, or the poses are not one rigid transform per scan.
     """
-    from threadpoolctl import threadpool_limits
-
     if len(sequence) == 0:
         raise InputError(f"{sequence.name} holds no scans; give a folder with at least one scan.")
     is_repeat = sequence.repeats
     if poses is None and is_repeat is not None and is_repeat[1:].any() and not is_repeat[0]:
         distinct = estimate_trajectory(distinct_scans(sequence, is_repeat), settings, None, progress, workers, rate)
         return distinct.with_repeats(is_repeat)
-    # The pool's threads share the work; BLAS threads would only spin on the same cores for small matrices.
-    with ThreadPoolExecutor(workers or available_cores()) as pool, threadpool_limits(1, "blas"):
+    with ThreadPoolExecutor(workers or available_cores()) as pool, one_blas_thread():
         estimate = _Estimate(sequence, settings, read_clock(sequence, rate), pool, progress)
         # Steps 1 to 4 of docs/odometry.md: timing of the points, initial poses, speed, refinement.
         if poses is None:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from automos.core.geometry import Array, inverse
+from automos.core.parallel import map_in_shares
 from automos.core.scan import Pose, Sequence
 from automos.odometry.motion import step_twists
 from automos.odometry.submap import NOISE, Fit, Submap, fit_surfels, make_submap
@@ -98,7 +99,7 @@ class Links:
 
     def work_in(self, pool: ThreadPoolExecutor | None) -> None:
         """Share the work among threads from now on."""
-        self._each: Callable = map if pool is None else pool.map
+        self._each: Callable = map if pool is None else partial(map_in_shares, pool)
 
     def forget(self, first: int) -> None:
         """Drop what is of scans before number `first`."""
@@ -141,20 +142,24 @@ class Links:
         is_other = is_moved(T_then, T_center_scan)
         change = small_motion(T_then, T_center_scan)
 
+        def is_known(k: int) -> bool:
+            known, (scan, center) = made[k], links[k]
+            is_same = known.submap is submaps[center] and known.surfels is window.surfels[scan - window.first]
+            return known.kernel == kernel and is_same and not is_other[k]
+
         def fit(k: int) -> _Fitted:
-            submap, known, (scan, center) = submaps[links[k][1]], made[k], links[k]
-            surfels = window.surfels[scan - window.first]
-            is_same = known.kernel == kernel and known.submap is submap and known.surfels is surfels
-            if is_same and not is_other[k]:
-                return known
+            (scan, center), T = links[k], T_center_scan[k]
+            submap, surfels = submaps[center], window.surfels[scan - window.first]
             every = max(-(-len(surfels) // self.about.max_surfels), 1)  # a different subset for each link
-            some, T = surfels[(scan + center) % every :: every], T_center_scan[k]
+            some = surfels[(scan + center) % every :: every]
             found = fit_surfels(submap, some, T, kernel, self.about.noise, self._with_elevation)
             return _Fitted(kernel, T, submap, surfels, found)
 
-        fitted = list(each(fit, range(len(links))))
-        self._fits.update(zip(links, fitted, strict=True))
-        return [new.fit.moved(c) if new is old else new.fit for new, old, c in zip(fitted, made, change, strict=True)]
+        todo = [k for k in range(len(links)) if not is_known(k)]
+        fitted = dict(enumerate(made)) | dict(zip(todo, each(fit, todo), strict=True))
+        self._fits.update(zip(links, fitted.values(), strict=True))
+        kept = zip(fitted.values(), made, change, strict=True)
+        return [new.fit.moved(c) if new is old else new.fit for new, old, c in kept]
 
     def _submap(self, window: Window, center: int) -> Submap:
         half, at, T = self.half_width(window), center - window.first, window.T_world_sensor

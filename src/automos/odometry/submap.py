@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg.lapack import dsygvd
 
 from automos.core.covariances import across, eigenvalues, eigenvector, variance_along
 from automos.core.geometry import Array
@@ -102,12 +103,12 @@ def fit_surfels(
 
 def _beyond_noise(H: Array, g: Array, noise: Array) -> tuple[Array, Array]:
     """Return `H` and `g` with each direction weighed down by the share of its information that is noise of normals."""
-    from scipy.linalg import eigh
-
     if not np.isfinite(H + noise).all():  # of points beyond any sensor's range
         return H, g
     # Of normals that are off by some degrees, planes seem to hold along themselves, too: where beams hit them before.
-    share, V = eigh(noise, H + (1e-9 * np.trace(H) + 1e-9) * np.eye(len(H)))  # V^T H V = 1
+    share, V, has_failed = dsygvd(noise, H + (1e-9 * np.trace(H) + 1e-9) * np.eye(len(H)), uplo="L")  # V^T H V = 1
+    if has_failed:
+        return H, g
     kept = H @ V * np.clip(1.0 - share, 0.0, 1.0)
     return kept @ (H @ V).T, kept @ (V.T @ g)
 

@@ -4,6 +4,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from automos.core.blas import one_blas_thread
 from automos.core.errors import InputError
 
 
@@ -33,7 +34,8 @@ class Guard:
         if self.is_broken:
             raise InputError("an earlier call was interrupted in the middle of a scan: call finish, then begin anew")
         try:
-            yield
+            with one_blas_thread():
+                yield
         except BaseException:
             self.is_broken = True
             raise
