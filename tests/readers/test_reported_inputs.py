@@ -414,7 +414,7 @@ def test_arrays_of_exporters(tmp_path, drive, kind):
         rows = np.column_stack([scan.xyz, scan.intensity, scan.ring])
         if kind == "npz of points and columns":
             made = {"points": scan.xyz, "intensity": scan.intensity[:, None], "ring": scan.ring, "pose": np.eye(4)}
-            np.savez(tmp_path / f"{k}.npz", **made, box=np.zeros(7))
+            np.savez(tmp_path / f"{k}.npz", **made, box=np.zeros(7), about=np.array({"weather": "rain"}, object))
         elif kind == "npz of columns":
             columns = {"X": rows[:, 0], "Y": rows[:, 1], "Z": rows[:, 2], "intensity": rows[:, 3], "ring": scan.ring}
             np.savez_compressed(tmp_path / f"{k}.npz", **columns, pose=np.eye(4))

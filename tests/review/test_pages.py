@@ -78,7 +78,7 @@ def test_what_was_decided_last_is_taken_back_by_a_key_and_the_object_is_open_aga
 
 def test_what_is_worth_knowing_is_beside_the_list_and_keys_decide_at_once(browser, server):
     run = json.loads((server.session.run.folder / "run.json").read_text())
-    run["warnings"] = [{"kind": "rate", "text": "No scan has a time."}]
+    run["warnings"] = [{"sentence": "No scan has a time."}]
     (server.session.run.folder / "run.json").write_text(json.dumps(run))
     browser.get(server.url)
     first = int(wait_for(browser, "document.body.dataset.shown"))

@@ -1,6 +1,7 @@
 """NumPy files: an (N, 3 or more) array, its transpose, an image, or a structured one with named columns; or several."""
 
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 import numpy.typing as npt
@@ -40,6 +41,12 @@ def read(path: Path, columns: str = "") -> Columns:
     return found | {name: column for name, column in beside.items() if len(column) == n}
 
 
+def _is_plain(file: IO[bytes]) -> bool:
+    """Return whether an array of an archive is none of Python's objects, which others keep beside the points."""
+    with file:
+        return b"'|O'" not in file.read(200)
+
+
 def as_rows(matrix: npt.NDArray) -> npt.NDArray:
     """Return a row for each point of an array that may be an image, (H, W, C) or (C, H, W), or have (C, N) rows."""
     if matrix.ndim == 3 and 3 <= len(matrix) <= 2 * len(UNNAMED) and matrix.shape[2] > MAX_COLUMNS:
@@ -56,7 +63,8 @@ def _read_archive(path: Path) -> tuple[npt.NDArray | None, Columns]:
     with np.load(path, allow_pickle=False) as archive:
         if sum(entry.file_size for entry in archive.zip.infolist()) > MAX_TEXT:
             raise ValueError(f"its arrays unpack to more than {MAX_TEXT >> 20} MB")
-        arrays = {name: archive[name] for name in archive.files}
+        files = {file.removesuffix(".npy"): file for file in archive.zip.namelist()}
+        arrays = {name: archive[name] for name in archive.files if _is_plain(archive.zip.open(files[name]))}
     arrays = {name: array[:, 0] if array.shape[1:] == (1,) else array for name, array in arrays.items()}
     rows = {name: array for name, array in arrays.items() if array.ndim == 1 and not array.dtype.names}
     if {"x", "y", "z"} <= {name.lower() for name in rows}:

@@ -1,6 +1,5 @@
 """Point Cloud Library files: a text header, then ascii, binary or binary_compressed points of any fields."""
 
-import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.arrays import evenly_spread
 from automos.core.errors import InputError
 from automos.core.geometry import make_transform
 from automos.core.reading import read_bytes
@@ -23,8 +21,6 @@ _MAX_COUNT = 1 << 16
 _KINDS = {"F": "f", "I": "i", "U": "u", "B": "u"}
 _LONGEST_HEADER = 1 << 16
 """Bytes."""
-_LOOKS = 5
-"""Files whose headers show whether any has a viewpoint."""
 
 
 @dataclass(frozen=True)
@@ -72,48 +68,38 @@ def read_header(path: Path) -> Header:
 def read_headers(paths: Sequence[Path]) -> tuple[Pose | None, list[str]]:
     """Return (N, 4, 4) the viewpoints of the files at `paths`, None where all are as if they had none; what to say.
 
-    Of many files, some are looked at first. Some writers put w last: where only so the sensor stands upright, or is
-    not turned by half a turn exactly where the frame begins or it stays, it is meant so.
+    Some writers put w last: where only so the sensor stands upright, or is not turned by half a turn exactly where the
+    frame begins or it stays, it is meant so. Bytes may lie behind the points; they are not read.
     """
     from scipy.spatial.transform import Rotation
 
-    some = [read_header(path).viewpoint for path in evenly_spread(paths, _LOOKS)]
-    surplus = _surplus_warnings(paths)
-    if np.allclose(some, np.eye(4)):
-        return None, surplus
-    T = np.stack([read_header(path).viewpoint for path in paths])
+    headers = [read_header(path) for path in paths]
+    surplus = [(path.name, n) for path, header in zip(paths, headers, strict=True) if (n := _surplus(path, header)) > 0]
+    said = []
+    if surplus:
+        first, n = surplus[0]
+        files = f"{len(surplus)} files hold bytes behind their points"
+        said = [f"{files}, which are not read (first: {first}, {n} bytes)."]
+    T = np.stack([header.viewpoint for header in headers])
     first_to_last = np.roll(Rotation.from_matrix(T[:, :3, :3]).as_quat(), 1, axis=1)
     R, up = Rotation.from_quat(first_to_last).as_matrix(), T[:, 2, 2].min()
     is_there = ~T[:, :3, 3].any(axis=1) | (np.ptp(T[:, :3, 3], axis=0).max() == 0.0)
     is_half_turn = np.isclose(first_to_last[:, 3] ** 2, 1.0, rtol=0.0, atol=1e-12)
-    if R[:, 2, 2].min() <= (0.0 if (is_half_turn & is_there).any() else max(up, 0.0)):
-        return T, surplus
-    T[:, :3, :3] = R
-    said = "VIEWPOINT has its quaternions as x y z w, as which they are read; the format has them as w x y z."
-    return (None if np.allclose(T, np.eye(4)) else T), [f"{paths[0].parent}: {said}", *surplus]
+    if R[:, 2, 2].min() > (0.0 if (is_half_turn & is_there).any() else max(up, 0.0)):
+        T[:, :3, :3] = R
+        order = "VIEWPOINT has its quaternions as x y z w, as which they are read; the format has them as w x y z."
+        said.append(f"{paths[0].parent}: {order}")
+    return (None if np.allclose(T, np.eye(4)) else T), said
 
 
-def _surplus_warnings(paths: Sequence[Path]) -> list[str]:
-    """Return what to say of bytes that lie behind the points of the files at `paths`."""
-    with_surplus = [(path, n) for path in paths if (n := _count_surplus(path)) > 0]
-    if not with_surplus:
-        return []
-    path, n = with_surplus[0]
-    return [
-        f"{len(with_surplus)} files hold bytes behind their points, which are not read (first: {path.name}, {n} bytes)."
-    ]
-
-
-def _count_surplus(path: Path) -> int:
-    with contextlib.suppress(InputError, OSError):  # reported when the scan itself is read
-        header = read_header(path)
-        n_bytes = path.stat().st_size - header.start
-        if header.encoding == "binary":
-            return n_bytes - header.n_points * header.dtype.itemsize
-        if header.encoding == "binary_compressed":
-            with path.open("rb") as file:
-                file.seek(header.start)
-                return n_bytes - 8 - int.from_bytes(file.read(4), "little")
+def _surplus(path: Path, header: Header) -> int:
+    n_bytes = path.stat().st_size - header.start
+    if header.encoding == "binary":
+        return n_bytes - header.n_points * header.dtype.itemsize
+    if header.encoding == "binary_compressed":
+        with path.open("rb") as file:
+            file.seek(header.start)
+            return n_bytes - 8 - int.from_bytes(file.read(4), "little")
     return 0
 
 
@@ -163,7 +149,9 @@ def _viewpoint(words: list[str] | None) -> Pose:
     """Return (4, 4) from x y z qw qx qy qz; the identity where absent or all zero."""
     from scipy.spatial.transform import Rotation
 
-    x, y, z, qw, qx, qy, qz = (float(word) for word in words or ["0", "0", "0", "1", "0", "0", "0"])
+    if len(words := words or ["0", "0", "0", "1", "0", "0", "0"]) != 7:
+        raise ValueError(f"VIEWPOINT has {len(words)} numbers, not 7")
+    x, y, z, qw, qx, qy, qz = map(float, words)
     if not np.isfinite([x, y, z, qw, qx, qy, qz]).all():
         return np.eye(4)
     quaternion = [qx, qy, qz, qw] if any((qw, qx, qy, qz)) else [0.0, 0.0, 0.0, 1.0]

@@ -94,7 +94,7 @@ def put_in_order(stamps: npt.NDArray[np.float64], names: Sequence[str], where: P
     said = f"scan {names[late]} is {-steps[late - 1]:.2f} s before the one that comes ahead of it, {names[late - 1]}"
     order = np.argsort(stamps, kind="stable")
     ordered = stamps[order]
-    if _unevenness(steps[steps >= 0.0]) + len(back) < _unevenness(np.diff(ordered)):
+    if unevenness(steps[steps >= 0.0]) + len(back) < unevenness(np.diff(ordered)):
         steps = np.where(steps < 0.0, usual, steps)
         mended = stamps[0] + np.concatenate([[0.0], np.cumsum(steps)])
         return TimeOrder(
@@ -110,7 +110,7 @@ def put_in_order(stamps: npt.NDArray[np.float64], names: Sequence[str], where: P
     return TimeOrder(order, _apart(ordered, usual), warnings)
 
 
-def _unevenness(steps: npt.NDArray[np.float64]) -> float:
+def unevenness(steps: npt.NDArray[np.float64]) -> float:
     """Return by how many usual steps `steps` (N,), >= 0, differ from the usual one, in sum."""
     usual = float(np.median(steps)) if len(steps) else 1.0
     return float(np.abs(steps - usual).sum()) / usual if usual > 0.0 else np.inf

@@ -41,7 +41,8 @@ def read(path: Path, columns: str = "") -> Columns:
         text = text.decode("utf-16", "replace").encode().lstrip()
     if b"\r" in text:
         text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    text = _INDEFINITE.sub(b"nan", _SEPARATOR.sub(b"", text))
+    text = _SEPARATOR.sub(b"", text)
+    text = _INDEFINITE.sub(b"nan", text) if b"nan(" in text or b".#" in text else text
     first_line, _, rest = _behind_remarks(text).partition(b"\n")
     names = _names_in(first_line)
     axes = [name.lower() for name in names if name.lower() in ("x", "y", "z")]
