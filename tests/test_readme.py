@@ -39,7 +39,7 @@ def test_there_are_blocks_of_both_kinds():
 def test_the_commands_that_label_and_look_run_as_they_are_written(tmp_path, monkeypatch):
     write_bins(lane(12).sequence, tmp_path / "my_log")
     monkeypatch.chdir(tmp_path)
-    wanted = {("label", "my_log/"), ("report", "automos_runs/my_log"), ("map", "my_log/")}
+    wanted = {("label", "my_log/"), ("report", "automos_runs/my_log"), ("map", "automos_runs/my_log")}
     shown = [words for words in COMMANDS if tuple(words[1:3]) in wanted and len(words) == 3]
     assert {tuple(words[1:3]) for words in shown} == wanted
     for words in shown:

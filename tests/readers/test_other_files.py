@@ -33,6 +33,8 @@ def test_what_is_compressed_is_to_be_unpacked_and_is_not_called_damaged(tmp_path
 @pytest.mark.parametrize(
     ("name", "content", "told"),
     [
+        ("recording", b"\x89MCAP0\r\n" + bytes(40), "rename it to recording.mcap"),
+        ("log.txt2", b"#ROSBAG V2.0\n" + bytes(40), "rename it to log.txt2.bag"),
         ("renamed.bin2", b"livox_tech".ljust(16, b"\0"), "Livox's viewer"),
     ],
 )

@@ -188,7 +188,7 @@ def test_a_ply_file_of_no_points_may_end_with_the_word_that_ends_its_header(tmp_
     [
         (b"ply\n", b"plx\n", "does not start with 'ply'"),
         (b"element vertex", b"element node", "no element 'vertex'"),
-        (b"property float x", b"property list uchar int x", "lists in or before its vertices"),
+        (b"property float x", b"property list uchar int x", "lists in its vertices"),
         (b"property float x", b"property quad x", "cannot be understood: 'property quad x'"),
         (b"property float y", b"property float x", "cannot be understood: 'property float x'"),
         (

@@ -151,6 +151,15 @@ def test_a_flag_is_no_time(tmp_path, scans, flag):
     assert all(scan.time is None for scan in sequence)
 
 
+@pytest.mark.parametrize("n_bytes", [8, 20, 40])
+def test_points_behind_a_header_of_their_own_are_not_taken_for_larger_records(tmp_path, scans, n_bytes):
+    for i, columns in enumerate(scans):
+        rows = np.column_stack([columns[name] for name in ("x", "y", "z", "intensity")]).astype("<f4")[:3000]
+        (tmp_path / f"{i}.bin").write_bytes(b"\7" * n_bytes + rows.tobytes())
+    with pytest.raises(InputError, match=r"no header, and its content does not show .* --columns"):
+        open_sequence(tmp_path)
+
+
 def test_numbers_of_no_structure_are_refused_with_how_to_say_the_columns(tmp_path):
     folder = tmp_path / "log"
     folder.mkdir()

@@ -217,6 +217,13 @@ def packed(scan, *layout):
     return rows.tobytes()
 
 
+def stored(*fields):
+    """Return fields one behind the other, as compressed PCD has them, of a compressor that finds nothing twice."""
+    raw = b"".join(field.tobytes() for field in fields)
+    blocks = b"".join(bytes([len(raw[k : k + 32]) - 1]) + raw[k : k + 32] for k in range(0, len(raw), 32))
+    return np.array([len(blocks), len(raw)], "<u4").tobytes() + blocks
+
+
 F = [("x", 4, "F", 1), ("y", 4, "F", 1), ("z", 4, "F", 1)]
 XYZ = [("x", "<f4"), ("y", "<f4"), ("z", "<f4")]
 
@@ -248,6 +255,16 @@ PCDS = {
     "text": lambda s: pcd(
         [*F, ("intensity", 4, "F", 1), ("ring", 2, "U", 1)],
         text_rows(s, "{:.6f} {:.6f} {:.6f} {:.4f} {}").encode() + b"\n", data="ascii"),
+    "places in one field": lambda s: pcd(
+        [("xyz", 4, "F", 3), ("intensity", 4, "F", 1), ("ring", 2, "U", 1)],
+        packed(s, *XYZ, ("intensity", "<f4"), ("ring", "<u2"))),
+    "packed, with padding, a histogram and places in one field": lambda s: pcd(
+        [("pos", 8, "F", 3), ("_", 1, "U", 4), ("fpfh", 4, "F", 3), ("intensity", 4, "F", 1), ("ring", 1, "U", 1)],
+        stored(s.xyz.astype("f8"), np.zeros(4 * N, "u1"), np.ones(3 * N, "f4"), s.intensity, s.ring.astype("u1")),
+        data="binary_compressed"),
+    "text, places in one field": lambda s: pcd(
+        [("ring", 2, "U", 1), ("position", 4, "F", 3), ("normal", 4, "F", 3), ("intensity", 4, "F", 1)],
+        text_rows(s, "{4} {0:.6f} {1:.6f} {2:.6f} 0 nan 1 {3:.4f}").encode(), data="ascii"),
     "text with blanks in front": lambda s: pcd(
         [*F, ("intensity", 4, "F", 1), ("ring", 2, "U", 1)],
         text_rows(s, "  {:.6f}  {:.6f}\t{:.6f} {:.4f} {} ", "\r\n").encode(), data="ascii"),
@@ -260,18 +277,22 @@ PLYS = {
         "uchar ring", "<"),
     "big-endian": ("float x|float y|float z|float intensity|ushort ring", ">"),
     "z first": ("float z|float y|float x|uchar ring|float intensity", "<"),
+    "faces before the points": (
+        "float x|float y|float z|float intensity|ushort ring", "<",
+        ("element face 2", "property list uchar int vertex_indices", "property float quality"),
+        b"\3" + bytes(16) + b"\4" + bytes(20)),
 }  # fmt: skip
 
 
-def ply(scan, spelled, order):
+def ply(scan, spelled, order, before=(), body_before=b""):
     kinds = {"float": "f4", "double": "f8", "uchar": "u1", "ushort": "u2"}
     properties = [one.split() for one in spelled.split("|")]
     layout = [(name.lower().removeprefix("scalar_"), order + kinds[kind]) for kind, name in properties]
     name = "binary_big_endian" if order == ">" else "binary_little_endian"
-    head = ["ply", f"format {name} 1.0", "comment made by a program", "obj_info num_cols 10", f"element vertex {N}",
-            *(f"property {kind} {name}" for kind, name in properties), "element face 0",
+    head = ["ply", f"format {name} 1.0", "comment made by a program", "obj_info num_cols 10", *before,
+            f"element vertex {N}", *(f"property {kind} {name}" for kind, name in properties), "element face 0",
             "property list uchar int vertex_indices", "end_header"]  # fmt: skip
-    return "\n".join(head).encode() + b"\n" + packed(scan, *layout)
+    return "\n".join(head).encode() + b"\n" + body_before + packed(scan, *layout)
 
 
 TEXTS = {
@@ -288,8 +309,31 @@ TEXTS = {
     "numbers of rows": (",x,y,z,intensity,ring", "7,{0},{1},{2},{3:.4f},{4}"),
     "the lidar's own": ("lidar.x,lidar.y,lidar.z,intensity,ring", "{0},{1},{2},{3:.4f},{4}"),
     "numbers in quotes": ('"x","y","z","intensity","ring"', '"{0}","{1}","{2}","{3:.4f}","{4}"'),
+    "a class in words": ("label,x,y,z,intensity,ring", "car,{0},{1},{2},{3:.4f},{4}"),
+    "dates": ("stamp;x;y;z;intensity;ring", "2024-05-01 12:00:00.123;{0};{1};{2};{3:.4f};{4}"),
+    "words between blanks": ("x y z kind intensity ring", "{0} {1} {2} tree {3:.4f} {4}"),
     "exponents": ("x y z intensity ring", "{0:.7e} {1:+.7E} {2:.7e} {3:.4f} {4}"),
 }
+
+
+def test_spreadsheets_in_utf16_numbers_of_windows_and_a_count_before_the_points_are_read(tmp_path, drive):
+    rows = "\n".join(["x\ty\tz\tintensity\tring", *[text_rows(drive[0], "{0}\t{1}\t{2}\t{3:.4f}\t{4}")]])
+    for k, byte_order in enumerate(("utf-16", "utf-16-be")):
+        (tmp_path / f"{k}.txt").write_bytes(("\ufeff" * k + rows).encode(byte_order))
+    (tmp_path / "2.txt").write_text(rows + "\n-nan(ind)\t1.#QNAN\t-1.#IND\t0\t0\n")
+    (tmp_path / "3.txt").write_text(f"{N}\n" + text_rows(drive[0], "{0} {1} {2} {3:.4f}"))
+    scans = list(open_sequence(tmp_path))
+    for got, has_ring in zip(scans, (True, True, True, False), strict=True):
+        np.testing.assert_allclose(got.points[:N], drive[0].xyz, atol=1e-5)
+        assert (got.ring is not None) == has_ring
+    assert np.isnan(scans[2].points[N:]).all()
+    assert [len(scan) for scan in scans] == [N, N, N + 1, N]
+
+
+def test_colours_behind_the_points_are_no_rings(tmp_path, drive):
+    for k, scan in enumerate(drive):
+        (tmp_path / f"{k}.txt").write_text(text_rows(scan, "{0} {1} {2} 120 {4} 140"))
+    assert open_sequence(tmp_path)[2].ring is None
 
 
 @pytest.mark.parametrize("divider", [";", "\t"])
@@ -352,16 +396,34 @@ def test_clouds_of_exporters(tmp_path, drive, name):
     assert_same(open_sequence(tmp_path), drive, has=("intensity", "ring"), atol=2e-5)
 
 
-@pytest.mark.parametrize("kind", ["fortran", "big-endian fields", "0-d of an image", "npz of columns"])
+ARRAYS = [
+    "fortran",
+    "big-endian fields",
+    "0-d of an image",
+    "npz of columns",
+    "npz of points and columns",
+    "places in one field",
+    "places in one field",
+    "a plane each",
+]
+
+
+@pytest.mark.parametrize("kind", ARRAYS)
 def test_arrays_of_exporters(tmp_path, drive, kind):
     for k, scan in enumerate(drive):
         rows = np.column_stack([scan.xyz, scan.intensity, scan.ring])
-        if kind == "npz of columns":
+        if kind == "npz of points and columns":
+            made = {"points": scan.xyz, "intensity": scan.intensity[:, None], "ring": scan.ring, "pose": np.eye(4)}
+            np.savez(tmp_path / f"{k}.npz", **made, box=np.zeros(7), about=np.array({"weather": "rain"}, object))
+        elif kind == "npz of columns":
             columns = {"X": rows[:, 0], "Y": rows[:, 1], "Z": rows[:, 2], "intensity": rows[:, 3], "ring": scan.ring}
             np.savez_compressed(tmp_path / f"{k}.npz", **columns, pose=np.eye(4))
         else:
             made = {"fortran": np.asfortranarray(rows), "big-endian fields": structured(scan, ">"),
-                    "0-d of an image": rows.reshape(7, 100, 5)}[kind]  # fmt: skip
+                    "0-d of an image": rows.reshape(7, 100, 5),
+                    "a plane each": rows.T.reshape(5, 5, 140).astype("f4"),
+                    "places in one field": rows.astype("f8").view([("xyz", "f8", 3), ("intensity", "f8"),
+                                                                   ("ring", "f8")])}[kind]  # fmt: skip
             np.save(tmp_path / f"{k}.npy", made)
     assert_same(open_sequence(tmp_path), drive, has=("intensity", "ring"))
 
@@ -411,6 +473,19 @@ def test_a_split_bag_is_one_drive_whatever_its_parts_are_called(tmp_path, drive)
     for k, name in enumerate(("drive_2024-01-01_0.bag", "drive_2024-01-01_1.bag", "a_last_part.bag")):
         write_bag(tmp_path / name, {"/points": messages[2 * k : 2 * k + 2]})
     assert_same(open_sequence(tmp_path), drive)
+
+
+@pytest.mark.parametrize("back", [0.15, 20.0, 4e6])
+def test_a_clock_that_is_set_back_amid_a_drive_leaves_its_scans_as_they_were_recorded(tmp_path, drive, back):
+    later = [
+        (round(1e9 * s.stamp), s.stamp - back * (k > 2), cloud(DRIVERS["velodyne"](s))) for k, s in enumerate(drive)
+    ]
+    sequence = open_sequence(write_bag(tmp_path / "log.mcap", {"/points": later}))
+    for got, true in zip(sequence, drive, strict=True):
+        np.testing.assert_array_equal(got.points, true.xyz)
+        np.testing.assert_allclose(got.time, true.time, atol=3e-6)
+    np.testing.assert_allclose(np.diff(sequence.stamps), 0.1, atol=1e-3)
+    assert any("the clock jumps back at 1 scans" in words for words in sequence.warnings)
 
 
 def test_a_split_bag_is_one_drive_though_each_part_has_a_folder(tmp_path, drive):

@@ -27,16 +27,17 @@ def scans():
     return [sweep(T, seed=i) for i, T in enumerate(DRIVE)]
 
 
-def viewpoint(T):
+def viewpoint(T, w_last=False):
     x, y, z, w = Rotation.from_matrix(T[:3, :3]).as_quat()
-    return " ".join(f"{v:.17g}" for v in (*T[:3, 3], w, x, y, z))
+    return " ".join(f"{v:.17g}" for v in (*T[:3, 3], *((x, y, z, w) if w_last else (w, x, y, z))))
 
 
-def write(folder, clouds, viewpoints=None, kind=np.float64):
+def write(folder, clouds, viewpoints=None, kind=np.float64, w_last=False):
     for i, columns in enumerate(clouds):
         numbers = {name: column.astype(kind if name in "xyz" else np.float32) for name, column in columns.items()}
         del numbers["time"], numbers["ring"]
-        write_pcd(folder / f"{i}.pcd", numbers, viewpoint=viewpoint(np.eye(4) if viewpoints is None else viewpoints[i]))
+        T = np.eye(4) if viewpoints is None else viewpoints[i]
+        write_pcd(folder / f"{i}.pcd", numbers, viewpoint=viewpoint(T, w_last))
     return folder
 
 
@@ -54,6 +55,35 @@ def test_viewpoints_take_clouds_of_a_map_back_to_the_sensor(tmp_path, scans, whe
     sequence = open_sequence(write(tmp_path, [moved(*both) for both in zip(scans, T, strict=True)], T))
     assert_taken_back(sequence, scans, T)
     assert sequence.about["frame"].startswith("a map's")
+
+
+@pytest.mark.parametrize("where", FRAMES)
+@pytest.mark.parametrize("tilt", [0.0, 0.03])
+def test_quaternions_whose_w_is_last_are_read_so_and_it_is_said(tmp_path, scans, where, tilt):
+    tilted = np.eye(4)
+    tilted[:3, :3] = Rotation.from_euler("xy", [tilt, -0.5 * tilt]).as_matrix()
+    T = FRAMES[where] @ np.array(DRIVE) @ tilted
+    if where == "start":
+        T[0] = np.eye(4)
+    clouds = [moved(*both) for both in zip(scans, T, strict=True)]
+    sequence = open_sequence(write(tmp_path, clouds, T, w_last=True))
+    assert_taken_back(sequence, scans, T)
+    assert any("VIEWPOINT has its quaternions as x y z w" in words for words in sequence.warnings)
+
+
+def test_the_identity_whose_w_is_last_turns_no_point_by_half_a_turn(tmp_path, scans):
+    sequence = open_sequence(write(tmp_path, scans, w_last=True))
+    np.testing.assert_allclose(sequence[3].points, points_of(scans[3]), atol=1e-6)
+    assert sequence.reference_poses is None
+    assert [words for words in sequence.warnings if "VIEWPOINT" in words]
+
+
+def test_a_sensor_that_heads_back_is_not_taken_for_one_whose_w_is_last(tmp_path, scans):
+    T = pose(180.0) @ np.array(DRIVE)
+    T[:, :3, 3] += [3.0, 2.0, 0.0]
+    sequence = open_sequence(write(tmp_path, [moved(*both) for both in zip(scans, T, strict=True)], T))
+    assert_taken_back(sequence, scans, T)
+    assert not [words for words in sequence.warnings if "VIEWPOINT" in words]
 
 
 @pytest.mark.parametrize("where", ["far", "near", "in a country's grid"])

@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from automos.readers.time_order import put_in_order, with_all_times
+from automos.readers.time_order import put_in_order, read_times, with_all_times
 
 WHERE = Path("log")
 
@@ -64,10 +64,54 @@ def test_a_clock_set_back_to_before_the_first_scan_does_not_put_the_second_half_
     assert "the clock jumps back at 1 scans" in found.warnings[0]
 
 
-@pytest.mark.parametrize("pause", [0.0, 10.0])
-def test_two_halves_that_fit_together_the_other_way_round_are_put_so(pause):
-    found = put_in_order(np.r_[2.0 + pause + 0.1 * np.arange(20), 0.1 * np.arange(20)], names(40), WHERE)
+def test_two_halves_that_fit_together_the_other_way_round_are_put_so():
+    found = put_in_order(np.r_[2.0 + 0.1 * np.arange(20), 0.1 * np.arange(20)], names(40), WHERE)
     np.testing.assert_array_equal(found.order, [*range(20, 40), *range(20)])
+
+
+@pytest.mark.parametrize("back", [0.15, 0.34, 1.5, 2.5, 10.0, 45.0, 3600.0])
+@pytest.mark.parametrize("jitter", [0.0, 0.004])
+def test_a_clock_set_back_by_any_time_leaves_the_scans_as_they_came(back, jitter):
+    stamps = 100.0 + 0.1 * np.arange(40) + jitter * np.random.default_rng(3).normal(size=40)
+    stamps[20:] -= back
+    found = put_in_order(stamps, names(40), WHERE)
+    np.testing.assert_array_equal(found.order, range(40))
+    np.testing.assert_allclose(np.diff(found.stamps), 0.1, atol=10 * jitter + 1e-9)
+    assert "the clock jumps back at 1 scans" in found.warnings[0]
+
+
+@pytest.mark.parametrize("lost", [0, 5])
+def test_scans_that_came_late_are_put_in_their_place(lost):
+    true = np.delete(0.1 * np.arange(40), range(30, 30 + lost))
+    came = np.arange(len(true))
+    came[[7, 8, 20, 21, 22]] = [8, 7, 22, 20, 21]
+    found = put_in_order(true[came], names(len(true)), WHERE)
+    np.testing.assert_array_equal(came[found.order], range(len(true)))
+    np.testing.assert_array_equal(found.stamps, true)
+
+
+STAMPS = 1_500_000_000.0 + 0.1 * np.arange(12)
+WRITTEN = {
+    "milliseconds": [f"{1e3 * t:.0f}" for t in STAMPS],
+    "microseconds": [f"{1e6 * t:.0f}" for t in STAMPS],
+    "nanoseconds": [f"{round(1e9 * t)}" for t in STAMPS],
+    "nanoseconds since it was switched on": [f"{round(1e9 * (t - STAMPS[0]))}" for t in STAMPS],
+    "dates": [f"2017-07-14 02:40:0{k // 10}.{k % 10}00000000" for k in range(12)],
+    "seconds": [f"{t:.3f}" for t in STAMPS],
+    "few seconds": [f"{t - STAMPS[0]:.1e}" for t in STAMPS],
+}
+
+
+@pytest.mark.parametrize("unit", WRITTEN)
+def test_times_are_seconds_of_whatever_is_counted(tmp_path, unit):
+    (tmp_path / "times.txt").write_text("\n".join(WRITTEN[unit]))
+    found = read_times(tmp_path / "times.txt", names(12))
+    np.testing.assert_allclose(found - found[0], STAMPS - STAMPS[0], atol=1e-5)
+
+
+def test_scans_ten_seconds_apart_are_not_taken_for_milliseconds(tmp_path):
+    (tmp_path / "times.txt").write_text("0\n10\n20\n30\n")
+    np.testing.assert_array_equal(read_times(tmp_path / "times.txt", names(4)), [0.0, 10.0, 20.0, 30.0])
 
 
 def test_scans_without_a_time_get_one_between_those_beside_them():

@@ -76,6 +76,18 @@ def test_what_was_decided_last_is_taken_back_by_a_key_and_the_object_is_open_aga
     assert server.session.changes.decided == {}
 
 
+def test_what_is_worth_knowing_is_beside_the_list_and_keys_decide_at_once(browser, server):
+    run = json.loads((server.session.run.folder / "run.json").read_text())
+    run["warnings"] = [{"sentence": "No scan has a time."}]
+    (server.session.run.folder / "run.json").write_text(json.dumps(run))
+    browser.get(server.url)
+    first = int(wait_for(browser, "document.body.dataset.shown"))
+    assert wait_for(browser, "document.getElementById('knowing').innerText").endswith("No scan has a time.")
+    press(browser, "s")
+    wait_for(browser, f"document.body.dataset.shown !== '{first}'")
+    assert server.session.changes.decided == {first - 1: "static"}
+
+
 def test_the_list_holds_what_is_worth_a_look_and_all_keys_are_listed(browser, server):
     browser.get(server.url)
     wait_for(browser, "document.body.dataset.shown")

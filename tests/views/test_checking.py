@@ -244,7 +244,7 @@ def test_what_label_takes_as_several_recordings_is_told_as_several(tmp_path, sca
         ("lyft_5hz", "125 scans, {}, about 40 beams all round, 5.0 scans a second"),
         ("room_vlp16", "138 scans, {}, 16 beams 290 degrees wide, 10.0 scans a second"),
         ("yard_avia", "47 scans, {}, no fixed beams, 80 degrees wide, no times"),
-        ("handheld_xt32", "30 scans, {}, about 32 beams 330 degrees wide, no times"),
+        ("handheld_xt32", "30 scans, {}, about 32 beams all round, no times"),
     ],
 )
 def test_the_first_line_is_true_of_real_recordings(recording_of, name, line):
@@ -253,10 +253,13 @@ def test_the_first_line_is_true_of_real_recordings(recording_of, name, line):
     assert found.first_line == f"{name} can be labelled: {line.format(what)}"
 
 
-@pytest.mark.parametrize("has_times", [True, False])
+@pytest.mark.parametrize("has_times", [True, False], ids=["times", "no times"])
+@pytest.mark.parametrize("of_points", [(), ("time", "ring")], ids=["plain", "times of points"])
 @pytest.mark.parametrize("kind", ["bin", "pcd", "ply", "npy", "bag"])
-def test_of_a_thousand_scans_headers_and_at_most_twenty_are_read(tmp_path, scans, monkeypatch, kind, has_times):
-    few = {name: column[:400] for name, column in scans[0].items() if name in ("x", "y", "z", "intensity")}
+def test_of_a_thousand_scans_headers_and_at_most_twenty_are_read(
+    tmp_path, scans, monkeypatch, kind, of_points, has_times
+):
+    few = {name: scans[0][name][::4] for name in ("x", "y", "z", "intensity", *of_points)}
     place, read = tmp_path / f"drive{'.mcap' * (kind == 'bag')}", []
     if kind == "bag":
         write_bag(place, {"/points": [(10**9 + 10**8 * i, 1 + 0.1 * i, cloud(few)) for i in range(1000)]})
@@ -268,15 +271,12 @@ def test_of_a_thousand_scans_headers_and_at_most_twenty_are_read(tmp_path, scans
             path = place / f"{i:06d}.{kind}"
             few["x"] = few["x"] + 1e-4  # no scan is another once more
             if kind == "bin":
-                np.column_stack([*few.values()]).astype("<f4").tofile(path)
+                np.column_stack([*few.values()]).astype("<f4").tofile(path)  # its columns are seen in four beginnings
             else:
                 write_points(path, few)
         if has_times:
             (place / "times.txt").write_text("\n".join(f"{0.1 * i:.1f}" for i in range(1000)))
         one = codecs.read_columns
         monkeypatch.setattr(folder, "read_columns", lambda path, *given: read.append(path) or one(path, *given))
-    assert len(open_sequence(place)) == 1000
-    assert len(read) <= LOOKS
-    read.clear()
     assert check(place)[0].scans == 1000
-    assert len(read) <= 2 * LOOKS  # those that are shown, and those that open_sequence looks at
+    assert LOOKS // 2 < len(read) <= LOOKS  # those that open_sequence looks at, and those that are shown

@@ -161,7 +161,9 @@ def read_status(target: str) -> Status:
     tables: dict[str, list[dict[str, Any]]] = {table: [] for table in _ROWS}
     with _books_of(target) as paths:
         if not paths:
-            raise InputError(f"{target} holds no run of automos label over several recordings: check the path")
+            raise InputError(
+                f"{target} holds no run of automos label over several recordings; of one, automos report tells"
+            )
         for path in paths:
             try:
                 for table, rows in _read_books(path).items():

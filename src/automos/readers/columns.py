@@ -150,7 +150,8 @@ def _refuse_map(points: Points, path: Path) -> None:
 def from_matrix(matrix: npt.NDArray, path: Path, names: Sequence[str] = UNNAMED) -> Columns:
     """Return the columns of an (N, C >= 3) array.
 
-    `names` are the columns', as many as there are where others than `UNNAMED` are given; further ones are not used.
+    `names` are the columns', as many as there are where others than `UNNAMED` are given; further ones are not used, nor
+    is the fifth of more than five: colours and normals come there.
     """
     if matrix.ndim != 2 or not 3 <= matrix.shape[1] <= MAX_COLUMNS:
         raise InputError(
@@ -158,7 +159,8 @@ def from_matrix(matrix: npt.NDArray, path: Path, names: Sequence[str] = UNNAMED)
         )
     if names is not UNNAMED and len(names) != matrix.shape[1]:
         raise InputError(f"{path} has {matrix.shape[1]} columns, and --columns names {len(names)}: {','.join(names)}")
-    return {name: matrix[:, i] for i, name in enumerate(names[: matrix.shape[1]])}
+    some = names[:4] if names is UNNAMED and matrix.shape[1] > len(UNNAMED) else names[: matrix.shape[1]]
+    return {name: matrix[:, i] for i, name in enumerate(some)}
 
 
 def time_column(columns: Columns) -> npt.NDArray | None:
@@ -204,9 +206,7 @@ def _numbers(columns: Columns) -> Columns:
 
 
 def _plain(name: str) -> str:
-    return (
-        re.sub(r"[^\w]+", "_", _UNIT.sub("", name.lower())).strip("_").removeprefix("scalar_")
-    )  # CloudCompare's prefix
+    return re.sub(r"[^\w]+", "_", _UNIT.sub("", name.lower())).strip("_").removeprefix("scalar_")  # CloudCompare's
 
 
 def _first(columns: Columns, names: tuple[str, ...]) -> npt.NDArray | None:

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.readers.codecs import CODEC_OF_SUFFIX, suffix_codec
+from automos.readers.time_order import unevenness
 
 _SIDE_FILES = {"times.txt", "timestamps.txt", "poses.txt", "calib.txt", "readme.txt", "requirements.txt"}
 _TEXT = {".txt", ".csv", ".zip"}  # which may be anything
@@ -186,8 +187,8 @@ def stamps_from_names(names: Sequence[str]) -> npt.NDArray[np.float64] | None:
         return None
     stamps = np.array(found, np.float64)
     unpadded = _unpadded_stamps(names)
-    if unpadded is not None and _unevenness(unpadded) < _unevenness(stamps):
-        stamps = unpadded
+    if unpadded is not None:
+        stamps = min(unpadded, stamps, key=lambda one: unevenness(np.diff(np.sort(one))))
     steps = np.diff(np.sort(stamps))
     if steps.min() <= 0 or not _PERIOD[0] <= np.median(steps) <= _PERIOD[1]:
         return None
@@ -207,12 +208,6 @@ def _unpadded_stamps(names: Sequence[str]) -> npt.NDArray[np.float64] | None:
     if any(str(int(behind)) != behind for _, behind in parts):
         return None
     return np.array([int(seconds) + 1e-9 * int(behind) for seconds, behind in parts])
-
-
-def _unevenness(stamps: npt.NDArray[np.float64]) -> float:
-    """Return the seconds by which steps between `stamps` (N,) in order differ from the usual one, on average."""
-    steps = np.diff(np.sort(stamps))
-    return float(np.abs(steps - np.median(steps)).mean())
 
 
 def _stamp(name: str) -> float | None:

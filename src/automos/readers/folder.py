@@ -3,7 +3,7 @@
 import contextlib
 import hashlib
 import logging
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +24,7 @@ from automos.readers.formats import Format
 from automos.readers.layouts import LAYOUTS, is_columns, parse_columns
 from automos.readers.mounts import FILE as MOUNTS
 from automos.readers.mounts import read_mounts
+from automos.readers.pcd import read_headers
 from automos.readers.point_times import PointTimes, judge_times, sweep_starts
 from automos.readers.record_layout import find_columns
 from automos.readers.seen_order import put_in_seen_order
@@ -60,6 +61,7 @@ class FolderSequence(Sequence):
             codec = find_columns(self.paths)
         self.columns = LAYOUTS.get(codec or "", codec if codec and is_columns(codec) else "")
         self._names = [Path(file).stem for file in self._files]
+        self._read = lru_cache(16)(self._read)  # type: ignore[method-assign]  # once, for all questions here
         self._mounts = read_mounts(self.source)
         times = self._read_times(stamps)
         self._clock = "the files' names" if times is stamps else "times.txt"
@@ -76,12 +78,9 @@ class FolderSequence(Sequence):
         self._order, self._stamps, self._warnings = ordered.order, ordered.stamps, ordered.warnings
         self._files = [self._files[i] for i in self._order]
         self._names = [self._names[i] for i in self._order]
-        self._viewpoints, self._surplus = None, []
-        if self.codec == "pcd":
-            from automos.readers.pcd import read_viewpoints, surplus_warnings
-
-            self._viewpoints, self._surplus = read_viewpoints(self.paths), surplus_warnings(self.paths)
+        self._viewpoints, self._surplus = read_headers(self.paths) if self.codec == "pcd" else (None, [])
         self._T_file_sensor = self._find_frame()
+        del self._read
         columns = f"The files have no header; their points are read as --columns {self.columns}."
         frame = "The clouds are in the frame of a map; the poses that came with them took them back."
         self._found = [columns] * (is_guessed and codec != LAYOUTS["bin"]) + [frame] * (self._T_file_sensor is not None)

@@ -4,7 +4,6 @@ KITTI-360 and VBR's converter lay scans out alike, with poses of their own. Swee
 motion-compensated. The day's calibration lies beside its drives.
 """
 
-from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
 from xml.etree import ElementTree
@@ -32,6 +31,7 @@ from automos.readers.kitti_calibration import (
 from automos.readers.listed import require_increasing
 from automos.readers.records import read_table
 from automos.readers.stamped_poses import rigid_transforms, sensor_poses, truth_beside
+from automos.readers.time_order import seconds_of
 
 _SCANS = ("velodyne_points/data", "ouster_points/data")
 """Of KITTI and KITTI-360, and of VBR's converter."""
@@ -73,7 +73,7 @@ class KittiRawSequence(KittiTruth, FolderSequence):
             return None
         try:
             lines = [line.strip() for line in read_text(path).splitlines() if line.strip()]
-            times = np.array([_seconds(line) for line in lines])
+            times = np.array([seconds_of(line) for line in lines])
         except (OSError, ValueError) as error:
             raise InputError(
                 f"{path} must hold a date and time a line, 2011-09-26 13:02:44.335092096: {error}"
@@ -154,13 +154,6 @@ class KittiRawSequence(KittiTruth, FolderSequence):
             raise InputError(f"{path} is not a complete file of tracklets ({error}); download it again") from None
         drawn = checked_boxes(table[:, 2:5], table[:, 5:8], table[:, 8], path)
         return self._in_scans(table[:, 1].astype(np.int64), table[:, 0].astype(np.int64), drawn)
-
-
-def _seconds(text: str) -> float:
-    """Return the seconds since 1970 of a time with nanoseconds."""
-    whole, _, fraction = text.partition(".")
-    moment = datetime.fromisoformat(whole).replace(tzinfo=UTC)
-    return moment.timestamp() + float(f"0.{fraction or 0}")
 
 
 def _read_transform(path: Path) -> Pose:

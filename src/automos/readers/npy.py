@@ -1,6 +1,7 @@
 """NumPy files: an (N, 3 or more) array, its transpose, an image, or a structured one with named columns; or several."""
 
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 import numpy.typing as npt
@@ -9,6 +10,7 @@ from automos.core.errors import InputError
 from automos.core.reading import MAX_TEXT, read_array
 from automos.readers.columns import MAX_COLUMNS, UNNAMED, Columns, from_matrix
 from automos.readers.layouts import parse_columns
+from automos.readers.records import columns_of_field
 
 _POINTS = ("points", "point_cloud", "pointcloud", "pc", "cloud", "lidar", "scan", "xyzi", "xyz", "data", "arr_0")
 """What archives call the array of points, where they hold others, too."""
@@ -17,27 +19,38 @@ _POINTS = ("points", "point_cloud", "pointcloud", "pc", "cloud", "lidar", "scan"
 def read(path: Path, columns: str = "") -> Columns:
     """Return the columns of one file; unnamed ones are x, y, z, intensity, ring, or as `columns` names them."""
     try:
-        array = _read_archive(path) if path.suffix.lower() == ".npz" else read_array(path)
+        array, beside = _read_archive(path) if path.suffix.lower() == ".npz" else (read_array(path), {})
     except InputError:
         raise
     except ValueError as error:
         raise InputError(
             f"{path} is not a whole .npy file of numbers ({error}); write it again with numpy.save"
         ) from None
-    if isinstance(array, dict):
-        return array
+    if array is None:
+        return beside
     if array.dtype.names is None and array.dtype.kind not in "fiu":
         raise InputError(f"{path} holds {array.dtype} values; points are numbers")
     if array.dtype.names:
-        flat = array.reshape(-1)
-        return {name: flat[name] for name in array.dtype.names if flat[name].ndim == 1}
-    if array.size == 0:
-        array = array.reshape(0, 3)
-    return from_matrix(as_rows(array), path, parse_columns(columns).names or UNNAMED if columns else UNNAMED)
+        flat, found = array.reshape(-1), Columns()
+        for name in array.dtype.names:
+            found |= columns_of_field(name, flat[name])
+    else:
+        rows = array.reshape(0, 3) if array.size == 0 else as_rows(array)
+        found = from_matrix(rows, path, parse_columns(columns).names or UNNAMED if columns else UNNAMED)
+    n = len(next(iter(found.values()), ()))
+    return found | {name: column for name, column in beside.items() if len(column) == n}
+
+
+def _is_plain(file: IO[bytes]) -> bool:
+    """Return whether an array of an archive is none of Python's objects, which others keep beside the points."""
+    with file:
+        return b"'|O'" not in file.read(200)
 
 
 def as_rows(matrix: npt.NDArray) -> npt.NDArray:
-    """Return a row for each point of an array that may be an image, (H, W, C), or a row for each column, (C, N)."""
+    """Return a row for each point of an array that may be an image, (H, W, C) or (C, H, W), or have (C, N) rows."""
+    if matrix.ndim == 3 and 3 <= len(matrix) <= 2 * len(UNNAMED) and matrix.shape[2] > MAX_COLUMNS:
+        matrix = matrix.reshape(len(matrix), -1)
     if matrix.ndim == 3 and matrix.shape[2] <= MAX_COLUMNS:
         matrix = matrix.reshape(-1, matrix.shape[2])
     if matrix.ndim == 2 and 3 <= len(matrix) <= 2 * len(UNNAMED) and matrix.shape[1] > MAX_COLUMNS:
@@ -45,18 +58,20 @@ def as_rows(matrix: npt.NDArray) -> npt.NDArray:
     return matrix
 
 
-def _read_archive(path: Path) -> np.ndarray | Columns:
-    """Return the array of points of an archive, or its columns where each is an array of its own."""
+def _read_archive(path: Path) -> tuple[npt.NDArray | None, Columns]:
+    """Return the array of points of an archive, None where it has one for each axis, and those of a number a point."""
     with np.load(path, allow_pickle=False) as archive:
         if sum(entry.file_size for entry in archive.zip.infolist()) > MAX_TEXT:
             raise ValueError(f"its arrays unpack to more than {MAX_TEXT >> 20} MB")
-        arrays = {name: archive[name] for name in archive.files}
+        files = {file.removesuffix(".npy"): file for file in archive.zip.namelist()}
+        arrays = {name: archive[name] for name in archive.files if _is_plain(archive.zip.open(files[name]))}
+    arrays = {name: array[:, 0] if array.shape[1:] == (1,) else array for name, array in arrays.items()}
     rows = {name: array for name, array in arrays.items() if array.ndim == 1 and not array.dtype.names}
     if {"x", "y", "z"} <= {name.lower() for name in rows}:
         n = len(next(array for name, array in rows.items() if name.lower() == "x"))
-        return {name: array for name, array in rows.items() if len(array) == n}
+        return None, {name: array for name, array in rows.items() if len(array) == n}
     clouds = [name for name, array in arrays.items() if array.ndim > 1 or array.dtype.names]
     named = [name for name in _POINTS if name in clouds]
     if not named and len(clouds) != 1:
         raise InputError(f"{path} holds the arrays {', '.join(arrays) or 'none'}; call the one of points 'points'")
-    return arrays[(named or clouds)[0]]
+    return arrays[(named or clouds)[0]], rows

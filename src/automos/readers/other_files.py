@@ -14,6 +14,8 @@ _PACKED = {
     b"Rar!": ("rar", "unrar x {}"),
 }
 _OTHERS = {
+    b"\x89MCAP0": ("an MCAP file by its content", "rename it to {}.mcap"),
+    b"#ROSBAG V2": ("a ROS bag by its content", "rename it to {}.bag"),
     b"livox_tech": ("a recording of Livox's viewer", "convert it to a ROS bag with Livox's lvx2rosbag and give that"),
 }
 _NAMED = {
@@ -44,7 +46,7 @@ def what_to_do(path: Path) -> str | None:
         )
     known = next((what for magic, what in _OTHERS.items() if start.startswith(magic)), None)
     known = known or _NAMED.get(path.suffix.lower())
-    return None if known is None else f"{path} is {known[0]}, which is not read; {known[1].format(path.name)}"
+    return None if known is None else f"{path} is {known[0]}, which is not read as it is; {known[1].format(path.name)}"
 
 
 def first_known(paths: Iterable[Path]) -> str | None:

@@ -1,20 +1,19 @@
 """Point Cloud Library files: a text header, then ascii, binary or binary_compressed points of any fields."""
 
-import contextlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
-from automos.core.arrays import evenly_spread
 from automos.core.errors import InputError
 from automos.core.geometry import make_transform
 from automos.core.reading import read_bytes
 from automos.core.scan import Pose
 from automos.readers.columns import MAX_FIELDS, Columns
 from automos.readers.lzf import decompress
-from automos.readers.records import require_in_place
+from automos.readers.records import columns_of_field, require_in_place
 from automos.readers.text import parse_points
 
 _MAX_COUNT = 1 << 16
@@ -22,8 +21,6 @@ _MAX_COUNT = 1 << 16
 _KINDS = {"F": "f", "I": "i", "U": "u", "B": "u"}
 _LONGEST_HEADER = 1 << 16
 """Bytes."""
-_LOOKS = 5
-"""Files whose headers show whether any has a viewpoint."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +44,7 @@ class Header:
 
 
 def read(path: Path) -> Columns:
-    """Return the columns of one file; those of several values per point (histograms) and padding are left out."""
+    """Return the columns of one file; those of several values, other than places, and padding are left out."""
     raw = read_bytes(path)
     header = _parse_header(raw, path)
     body = raw[header.start :]
@@ -56,7 +53,7 @@ def read(path: Path) -> Columns:
     if header.encoding == "binary":
         _require_bytes(len(body), header.n_points * header.dtype.itemsize, path)
         points = np.frombuffer(body, header.dtype, header.n_points)
-        columns = {name: points[name] for name in _scalar_fields(header.dtype)}
+        columns = _columns(header, points.__getitem__)
         require_in_place(columns, body, len(body) - points.nbytes, path)
         return columns
     return _from_compressed(body, header, path)
@@ -68,36 +65,41 @@ def read_header(path: Path) -> Header:
         return _parse_header(file.read(_LONGEST_HEADER), path)
 
 
-def read_viewpoints(paths: Sequence[Path]) -> Pose | None:
-    """Return (N, 4, 4) the viewpoints of the files at `paths`; None where all are as if they had none.
+def read_headers(paths: Sequence[Path]) -> tuple[Pose | None, list[str]]:
+    """Return (N, 4, 4) the viewpoints of the files at `paths`, None where all are as if they had none; what to say.
 
-    Of many files, some are looked at first.
+    Some writers put w last: where only so the sensor stands upright, or is not turned by half a turn exactly where the
+    frame begins or it stays, it is meant so. Bytes may lie behind the points; they are not read.
     """
-    some = [read_header(path).viewpoint for path in evenly_spread(paths, _LOOKS)]
-    return None if np.allclose(some, np.eye(4)) else np.stack([read_header(path).viewpoint for path in paths])
+    from scipy.spatial.transform import Rotation
+
+    headers = [read_header(path) for path in paths]
+    surplus = [(path.name, n) for path, header in zip(paths, headers, strict=True) if (n := _surplus(path, header)) > 0]
+    said = []
+    if surplus:
+        first, n = surplus[0]
+        files = f"{len(surplus)} files hold bytes behind their points"
+        said = [f"{files}, which are not read (first: {first}, {n} bytes)."]
+    T = np.stack([header.viewpoint for header in headers])
+    first_to_last = np.roll(Rotation.from_matrix(T[:, :3, :3]).as_quat(), 1, axis=1)
+    R, up = Rotation.from_quat(first_to_last).as_matrix(), T[:, 2, 2].min()
+    is_there = ~T[:, :3, 3].any(axis=1) | (np.ptp(T[:, :3, 3], axis=0).max() == 0.0)
+    is_half_turn = np.isclose(first_to_last[:, 3] ** 2, 1.0, rtol=0.0, atol=1e-12)
+    if R[:, 2, 2].min() > (0.0 if (is_half_turn & is_there).any() else max(up, 0.0)):
+        T[:, :3, :3] = R
+        order = "VIEWPOINT has its quaternions as x y z w, as which they are read; the format has them as w x y z."
+        said.append(f"{paths[0].parent}: {order}")
+    return (None if np.allclose(T, np.eye(4)) else T), said
 
 
-def surplus_warnings(paths: Sequence[Path]) -> list[str]:
-    """Return what to say of bytes that lie behind the points of the files at `paths`."""
-    with_surplus = [(path, n) for path in paths if (n := _count_surplus(path)) > 0]
-    if not with_surplus:
-        return []
-    path, n = with_surplus[0]
-    return [
-        f"{len(with_surplus)} files hold bytes behind their points, which are not read (first: {path.name}, {n} bytes)."
-    ]
-
-
-def _count_surplus(path: Path) -> int:
-    with contextlib.suppress(InputError, OSError):  # reported when the scan itself is read
-        header = read_header(path)
-        n_bytes = path.stat().st_size - header.start
-        if header.encoding == "binary":
-            return n_bytes - header.n_points * header.dtype.itemsize
-        if header.encoding == "binary_compressed":
-            with path.open("rb") as file:
-                file.seek(header.start)
-                return n_bytes - 8 - int.from_bytes(file.read(4), "little")
+def _surplus(path: Path, header: Header) -> int:
+    n_bytes = path.stat().st_size - header.start
+    if header.encoding == "binary":
+        return n_bytes - header.n_points * header.dtype.itemsize
+    if header.encoding == "binary_compressed":
+        with path.open("rb") as file:
+            file.seek(header.start)
+            return n_bytes - 8 - int.from_bytes(file.read(4), "little")
     return 0
 
 
@@ -147,7 +149,9 @@ def _viewpoint(words: list[str] | None) -> Pose:
     """Return (4, 4) from x y z qw qx qy qz; the identity where absent or all zero."""
     from scipy.spatial.transform import Rotation
 
-    x, y, z, qw, qx, qy, qz = (float(word) for word in words or ["0", "0", "0", "1", "0", "0", "0"])
+    if len(words := words or ["0", "0", "0", "1", "0", "0", "0"]) != 7:
+        raise ValueError(f"VIEWPOINT has {len(words)} numbers, not 7")
+    x, y, z, qw, qx, qy, qz = map(float, words)
     if not np.isfinite([x, y, z, qw, qx, qy, qz]).all():
         return np.eye(4)
     quaternion = [qx, qy, qz, qw] if any((qw, qx, qy, qz)) else [0.0, 0.0, 0.0, 1.0]
@@ -155,8 +159,11 @@ def _viewpoint(words: list[str] | None) -> Pose:
 
 
 # ------------------------------------------------------------------------------------------------------- points
-def _scalar_fields(dtype: np.dtype) -> list[str]:
-    return [name for name in dtype.names or () if dtype[name].shape == () and not name.startswith("_")]
+def _columns(header: Header, values_of: Callable[[str], npt.NDArray]) -> Columns:
+    columns: Columns = {}
+    for name in header.dtype.names or ():
+        columns |= {} if name.startswith("_") else columns_of_field(name, values_of(name))
+    return columns
 
 
 def _require_bytes(got: int, promised: int, path: Path) -> None:
@@ -169,8 +176,8 @@ def _require_bytes(got: int, promised: int, path: Path) -> None:
 def _from_text(body: bytes, header: Header, path: Path) -> Columns:
     widths = [int(np.prod(header.dtype[name].shape, dtype=int)) for name in header.dtype.names or ()]
     matrix = parse_points(path, body, sum(widths), 0, header.n_points, is_last=True)
-    first = dict(zip(header.dtype.names or (), np.cumsum([0, *widths]), strict=False))
-    return {name: matrix[:, first[name]] for name in _scalar_fields(header.dtype)}
+    parts = dict(zip(header.dtype.names or (), np.split(matrix, np.cumsum(widths)[:-1], axis=1), strict=True))
+    return _columns(header, lambda name: parts[name] if parts[name].shape[1] > 1 else parts[name][:, 0])
 
 
 def _from_compressed(body: bytes, header: Header, path: Path) -> Columns:
@@ -187,13 +194,9 @@ def _from_compressed(body: bytes, header: Header, path: Path) -> Columns:
         unpacked = decompress(np.frombuffer(body, np.uint8, n_packed, offset=8), n_unpacked)
     except ValueError as error:
         raise InputError(f"{path} cannot be unpacked: {error}; copy it again") from None
-    columns: Columns = {}
-    start = 0
-    for name in header.dtype.names or ():
-        field = header.dtype[name]
-        end = start + field.itemsize * header.n_points
-        if name in _scalar_fields(header.dtype):
-            columns[name] = unpacked[start:end].view(field)
-        start = end
+    sizes = [header.dtype[name].itemsize * header.n_points for name in header.dtype.names or ()]
+    parts = dict(zip(header.dtype.names or (), np.split(unpacked, np.cumsum(sizes)[:-1]), strict=True))
+    dtype = header.dtype
+    columns = _columns(header, lambda name: parts[name].view(dtype[name].base).reshape(-1, *dtype[name].shape))
     require_in_place(columns, body, len(body) - 8 - n_packed, path)
     return columns

@@ -1,7 +1,7 @@
 """Polygon files: a text header, then the points as text or as packed numbers of either byte order.
 
-Only the element `vertex` is read. What comes before it has a fixed size. What follows it (faces, cameras) is skipped,
-but must end where the file does: else bytes were lost or came in, and all points behind them are others.
+Only the element `vertex` is read. What comes before and behind it (faces, cameras) is skipped, but must end where the
+file does: else bytes were lost or came in, and all points behind them are others.
 """
 
 from dataclasses import dataclass, field
@@ -46,17 +46,19 @@ def read(path: Path) -> Columns:
     if encoding == "ascii":
         return _from_text(raw[start:], before, vertex, after, path)
     order = _ORDERS[encoding]
-    skipped = sum(element.count * _dtype(element, order).itemsize for element in before)
     dtype = _dtype(vertex, order)
-    promised = skipped + vertex.count * dtype.itemsize
+    for element in before:
+        start = _behind(element, order, raw, start)
+    promised = vertex.count * dtype.itemsize
     end = start + promised
     for element in after:
         end = _behind(element, order, raw, end)
     if len(raw) < end:
         raise InputError(
-            f"{path} is cut short: {len(raw) - start} bytes of points, its header promises {promised}; copy it again"
+            f"{path} is cut short: {max(len(raw) - start, 0)} bytes of points, its header promises {promised}; copy it "
+            "again"
         )
-    points = np.frombuffer(raw, dtype, vertex.count, offset=start + skipped)
+    points = np.frombuffer(raw, dtype, vertex.count, offset=start)
     if raw[end:].strip(b"\0 \t\r\n"):
         raise InputError(
             f"{path} holds {len(raw) - end} bytes more than its header promises; bytes came in before the last points, "
@@ -112,8 +114,8 @@ def _around_vertex(elements: list[_Element], path: Path) -> tuple[list[_Element]
     at = next((i for i, element in enumerate(elements) if element.name == "vertex"), None)
     if at is None:
         raise InputError(f"{path} has no element 'vertex'; a point cloud keeps its points there")
-    if any(element.counters for element in elements[: at + 1]):
-        raise InputError(f"{path} has lists in or before its vertices; save it as a plain point cloud")
+    if elements[at].counters:
+        raise InputError(f"{path} has lists in its vertices; save it as a plain point cloud")
     return elements[:at], elements[at], elements[at + 1 :]
 
 

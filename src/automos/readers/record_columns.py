@@ -4,6 +4,7 @@ Coordinates come first, or behind one or two others. Rings are whole numbers tha
 from point to point or with the direction, and the first of the other numbers that is not negative is the intensity.
 """
 
+from collections.abc import Collection
 from itertools import product
 
 import numpy as np
@@ -56,7 +57,8 @@ def columns_of(rows: Rows) -> str | None:
         behind = (first + 3) * width
         if size >= behind and (xyz := _coordinates(rows[:, first * width :], kind)) is not None:
             before = _rest_of(rows[:, : first * width], xyz, 0, kind)
-            after = [("_", f"V{size - behind}")] if size % 4 else _rest_of(rows, xyz, behind, kind)
+            names = {name for name, _ in before}
+            after = [("_", f"V{size - behind}")] if size % 4 else _rest_of(rows, xyz, behind, kind, names)
             named = [*before, *((axis, kind) for axis in "xyz"), *after]
             fields = [(f"_{i}" if name == "_" else name, form) for i, (name, form) in enumerate(named)]
             columns = spell_columns(np.dtype(fields))
@@ -119,8 +121,10 @@ def _is_of(points: npt.NDArray) -> bool:
     return are_floats and all(is_like[name](points[name], xyz) for name in names if name in is_like)
 
 
-def _rest_of(rows: Rows, xyz: npt.NDArray[np.float64], at: int, kind: str) -> list[tuple[str, str]]:
-    """Return names and types of the columns from byte `at` on; what cannot be told is left out."""
+def _rest_of(
+    rows: Rows, xyz: npt.NDArray[np.float64], at: int, kind: str, taken: Collection[str] = ()
+) -> list[tuple[str, str]]:
+    """Return names, but those `taken`, and types of the columns from byte `at` on; what cannot be told is left out."""
     found: list[tuple[str, str]] = []
     own, order, size = int(kind[-1]), kind[0], rows.shape[1]
     while at < size:
@@ -128,7 +132,7 @@ def _rest_of(rows: Rows, xyz: npt.NDArray[np.float64], at: int, kind: str) -> li
         for width, letter in ((own, "f"), (8, "f"), (4, "f"), (4, "u"), (2, "u")):
             if at % width == 0 and at + width <= size and best[0] in ("_", "") and best[1] != f"{order}u2":
                 form = f"{order}{letter}{width}"
-                name = _name_of(_field(rows, at, form), form, xyz, {name for name, _ in found})
+                name = _name_of(_field(rows, at, form), form, xyz, {name for name, _ in found} | {*taken})
                 if name is not None and (width <= own or name == "time") and (name != "_" or best[1] == "V2"):
                     best = (name, form)
         found.append(best)

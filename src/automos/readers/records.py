@@ -1,5 +1,6 @@
 """Packed records of mixed types without header, as recorders write their own structs."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ SHARE = 0.99
 """Share of numbers that must be lengths where points are expected."""
 _SMALLEST, _LARGEST = 1e-7, 1e7
 """Metres of a coordinate, where it is not zero: bits that are none are spread over all that numbers can be."""
+_PLACES = re.compile(r"xyz|points?|pos(itions?)?|coord(s|inates)?|cartesian")
 _LAST = 100
 """Points at the end of a file that show whether bytes came in before them."""
 
@@ -44,6 +46,13 @@ def are_lengths(values: npt.NDArray) -> bool:
     size = np.abs(values)
     is_none = ~np.isfinite(size) | (size == 0)
     return bool((is_none | ((size > _SMALLEST) & (size < _LARGEST))).mean() >= SHARE)
+
+
+def columns_of_field(name: str, values: npt.NDArray) -> Columns:
+    """Return the columns that a field is: itself (N,), x, y and z (N, 3) where it is called as places are, or none."""
+    if values.ndim == 2 and values.shape[1] == 3 and _PLACES.fullmatch(name.lower()):
+        return {axis: values[:, k] for k, axis in enumerate("xyz")}
+    return {name: values} if values.ndim == 1 else {}
 
 
 def require_in_place(columns: Columns, body: bytes, n_surplus: int, path: Path) -> None:

@@ -1,11 +1,13 @@
 """Scans in the order of time: what their files' order and their clock make of each other.
 
 Copies are renumbered (0, 1, 10, 11, ..., 2), clocks repeat and jump. Files that are out of the order of their times are
-put in order. A clock that jumps back and goes on evenly from there was set, and its order is not that of the scans.
+put in order. A clock that jumps back and goes on evenly from there was set, and its order is not that of the scans: of
+the two, what makes the steps of the clock more even is what happened.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -16,11 +18,10 @@ from automos.core.pose_files import lines_of_scans
 from automos.core.reading import read_text
 from automos.core.scan import LATEST
 
-_MIXED = 3
-"""Scans put in their right order change between the runs they came in about as often as the clock ran back. Where they
-do more than this often for each time, two runs of the clock overlap."""
 _HOLE = 60.0
-"""Seconds between two runs of the clock, put in order, from which the second is not taken to follow the first."""
+"""Seconds, at most, after which a clock that began at 0 shows its next time."""
+_SLOWEST = 50.0, 5.0
+"""Seconds between scans from which whole numbers are none of seconds, and at most, of a smaller unit."""
 _ONE_TIME = 1e-9
 """Seconds, below the resolution of any clock: times that differ by less are equal."""
 
@@ -28,19 +29,31 @@ _ONE_TIME = 1e-9
 def read_times(path: Path, names: Sequence[str]) -> npt.NDArray[np.float64]:
     """Return (N,) the seconds that the file at `path` holds of scans called `names`, one a line.
 
+    They may be dates, or whole numbers of milli-, micro- or nanoseconds.
+
     Raises
     ------
     InputError
         It holds something else, or other numbers of them than the scans' names pick.
     """
     try:
-        times = np.array([float(line) for line in read_text(path).splitlines() if line.strip()])
+        lines = [line.strip() for line in read_text(path).splitlines() if line.strip()]
+        times = np.array([seconds_of(line) if ":" in line else float(line) for line in lines])
     except (OSError, ValueError) as error:
         raise InputError(f"{path} must hold one time in seconds a line: {error}") from None
+    step = usual_step(times) or 0.0
+    if step > _SLOWEST[0] and np.array_equal(times, np.floor(times)):
+        times = times * next((unit for unit in (1e-3, 1e-6) if unit * step <= _SLOWEST[1]), 1e-9)
     is_time = np.abs(times) < LATEST
     if not is_time.all():
         raise InputError(f"{path}, line {int(np.argmin(is_time)) + 1}: the time is not a number of seconds")
     return times[lines_of_scans(len(times), len(names), names, path, "times")]
+
+
+def seconds_of(date: str) -> float:
+    """Return the seconds since 1970 of a date with nanoseconds."""
+    whole, _, fraction = date.partition(".")
+    return datetime.fromisoformat(whole).replace(tzinfo=UTC).timestamp() + float(f"0.{fraction or 0}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,9 +94,7 @@ def put_in_order(stamps: npt.NDArray[np.float64], names: Sequence[str], where: P
     said = f"scan {names[late]} is {-steps[late - 1]:.2f} s before the one that comes ahead of it, {names[late - 1]}"
     order = np.argsort(stamps, kind="stable")
     ordered = stamps[order]
-    run = np.concatenate([[0], np.cumsum(steps < 0.0)])[order]
-    changes = int((np.diff(run) != 0).sum())
-    if changes > _MIXED * len(back) or (changes == len(back) and _was_set_far_back(order, ordered)):
+    if unevenness(steps[steps >= 0.0]) + len(back) < unevenness(np.diff(ordered)):
         steps = np.where(steps < 0.0, usual, steps)
         mended = stamps[0] + np.concatenate([[0.0], np.cumsum(steps)])
         return TimeOrder(
@@ -99,13 +110,10 @@ def put_in_order(stamps: npt.NDArray[np.float64], names: Sequence[str], where: P
     return TimeOrder(order, _apart(ordered, usual), warnings)
 
 
-def _was_set_far_back(order: npt.NDArray[np.int64], ordered: npt.NDArray[np.float64]) -> bool:
-    """Return whether a clock ran back to before the first scan, and then not on to where it had begun.
-
-    So does one that counts from the hour, or that is set by hours. Two halves in the wrong order fit together instead.
-    """
-    first = int(np.flatnonzero(order == 0)[0])
-    return first > 0 and ordered[first] - ordered[first - 1] > _HOLE
+def unevenness(steps: npt.NDArray[np.float64]) -> float:
+    """Return by how many usual steps `steps` (N,), >= 0, differ from the usual one, in sum."""
+    usual = float(np.median(steps)) if len(steps) else 1.0
+    return float(np.abs(steps - usual).sum()) / usual if usual > 0.0 else np.inf
 
 
 def count_unset(stamps: npt.NDArray[np.float64]) -> int:

@@ -7,7 +7,8 @@ something else divides them.
 
 import csv
 import re
-from codecs import BOM_UTF8
+from codecs import BOM_UTF8, BOM_UTF16_BE, BOM_UTF16_LE
+from itertools import compress
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,8 @@ _COMMA_WITHIN, _BLANK_BETWEEN = re.compile(rb"\d,\d"), re.compile(rb"[^,\s][ \t]
 _COMMENT = re.compile(rb"(#|//)[^\n]*")
 _REMARK = re.compile(rb"\s*(#|//)[^\n]*\n?")
 _QUOTED = re.compile(rb'"([^"\n]*)"')
+_INDEFINITE = re.compile(rb"-?(nan\(\w+\)|1\.#[A-Z]+)")
+"""What C's library on Windows writes for NaN."""
 _SEPARATOR = re.compile(rb"\Asep=.\n")
 """What spreadsheets are told."""
 
@@ -34,9 +37,12 @@ _SEPARATOR = re.compile(rb"\Asep=.\n")
 def read(path: Path, columns: str = "") -> Columns:
     """Return the columns of one file, as `columns` or its first line names them, else x, y, z, intensity, ring."""
     text = read_bytes(path).removeprefix(BOM_UTF8).lstrip()  # spreadsheets begin "CSV UTF-8" with that mark
+    if text.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
+        text = text.decode("utf-16", "replace").encode().lstrip()
     if b"\r" in text:
         text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     text = _SEPARATOR.sub(b"", text)
+    text = _INDEFINITE.sub(b"nan", text) if b"nan(" in text or b".#" in text else text
     first_line, _, rest = _behind_remarks(text).partition(b"\n")
     names = _names_in(first_line)
     axes = [name.lower() for name in names if name.lower() in ("x", "y", "z")]
@@ -47,6 +53,10 @@ def read(path: Path, columns: str = "") -> Columns:
         numbers = _QUOTED.sub(lambda cell: cell[1].replace(b",", b"."), numbers)
     if (b";" in numbers or b"\t" in numbers) and b"," in numbers and b"." not in numbers:
         numbers = numbers.replace(b",", b".")  # of countries that write decimals so
+    if names:
+        names, numbers = _without_words(names, numbers)
+    elif first_line.strip().isdigit() and int(first_line) == sum(map(bool, map(bytes.strip, rest.split(b"\n")))):
+        numbers = rest  # the count of the points comes first
     _require_one_divider(numbers, path)
     try:
         matrix = parse_table(numbers.translate(_DIVIDERS))
@@ -65,6 +75,19 @@ def read(path: Path, columns: str = "") -> Columns:
             f"{path} names {len(names)} columns in its first line but has {matrix.shape[1]}; name them with --columns"
         )
     return {name or f"_{i}": matrix[:, i] for i, name in enumerate(names)}
+
+
+def _without_words(names: list[str], numbers: bytes) -> tuple[list[str], bytes]:
+    """Return the names and the lines without columns that hold words, as dates and classes, in the first line."""
+    lines = [line for line in numbers.split(b"\n") if line.strip()]
+    divider = next((mark for mark in (b"\t", b";", b",") if lines and mark in lines[0]), None)
+    cells = lines[0].split(divider) if lines else []
+    is_kept = [_is_number(cell.decode("utf-8", "replace")) for cell in cells]
+    are_axes = {"x", "y", "z"} <= set(plain_names([name for name, kept in zip(names, is_kept, strict=False) if kept]))
+    if all(is_kept) or not are_axes or any(line.count(divider or b" ") != len(names) - 1 for line in lines):
+        return names, numbers
+    rows = (b" ".join(compress(line.split(divider), is_kept)) for line in lines)
+    return list(compress(names, is_kept)), b"\n".join(rows)
 
 
 def _require_one_divider(numbers: bytes, path: Path) -> None:

@@ -30,7 +30,7 @@ def caveats(
 
     Parameters
     ----------
-    run, tracks : run.json, and the tracks of tracks.json.
+    run, tracks : run.json, and verdict and confidence of each track.
     T_level_sensor : (N, 4, 4).   stamps : (N,) seconds.   names : N, of the scans.
     counts : (3,) points unlabeled, static and moving.
     """

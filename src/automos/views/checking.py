@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from automos.simulation.sensing.sensors import Sensor
 
 LOOKS = 20
-"""Scans that are read, at most."""
+"""Scans that are read, at most: all of so few, else half, as the others are read to open a recording."""
 
 _FIELDS = ("intensity", "time", "ring", "sensor")
 """What points may have beside coordinates; a column of one value everywhere is none."""
@@ -143,7 +143,8 @@ def _check_one(place: Path, format: str | None) -> Check:
         sequence = open_sequence(place, format)
         found.name, found.scans = sequence.name, len(sequence)
         found.what = ", ".join(part for part in (kind_of(place, format), sequence.about.get("files")) if part)
-        scans = [sequence[i] for i in evenly_spread(range(len(sequence)), LOOKS)]
+        n = len(sequence)
+        scans = [sequence[i] for i in evenly_spread(range(n), n if n <= LOOKS else LOOKS // 2 - 1)]
         _look_at(scans, found)
         found.doubts = recording_warnings(sequence, USUAL_RATE)
         if empty := [scan.name for scan in scans if not scan.is_valid.any()]:
@@ -174,17 +175,18 @@ def _look_at(scans: Several[Scan], found: Check) -> None:
     found.ranges = float(near), float(middle), float(far)
     times = [float(np.ptp(scan.time)) for scan in scans if scan.time is not None and len(scan)]
     found.sweep = float(np.median(times)) if times else None
+    x, y, _ = points[is_valid].T
+    found.azimuths = _WIDTH * len(np.unique(np.floor(np.degrees(np.arctan2(y, x)) / _WIDTH)))
     fullest = max(scans, key=lambda scan: int(scan.is_valid.sum()))
     _count_beams(fullest, found)
 
 
 def _count_beams(scan: Scan, found: Check) -> None:
-    """Note how many beams measured `scan`, and into which directions."""
+    """Note how many beams measured `scan`, and how far up and down they look."""
     x, y, z = scan.rays[scan.is_valid].astype(np.float64).T
     elevation = np.degrees(np.arctan2(z, np.hypot(x, y)))
     azimuth = np.degrees(np.arctan2(y, x))
     sector = np.floor(azimuth * (_SECTORS / 360.0))
-    found.azimuths = _WIDTH * len(np.unique(np.floor(azimuth / _WIDTH)))
     low, high = np.percentile(elevation, [0.5, 99.5])
     found.elevations = float(low), float(high)
     if scan.ring is not None:

@@ -34,10 +34,10 @@ class GroundMap:
         self.cell = max(MIN_CELL, float((high - low).max()) / MAX_PIXELS)
         self.low = low
         self.shape = tuple(int(side) for side in np.ceil((high - low) / self.cell)[::-1])
-        self._seen = np.zeros(self.shape, np.int64)
+        self._seen = np.zeros(self.shape, np.int32)
         self._highest = np.full(self.shape, -np.inf, np.float32)
         self._lowest = np.full(self.shape, np.inf, np.float32)
-        self._counts = {kind: np.zeros(self.shape, np.int64) for kind in LAYERS}
+        self._counts = {kind: np.zeros(self.shape, np.int32) for kind in LAYERS}
 
     def add(self, points: npt.NDArray, kinds: npt.NDArray[np.uint8]) -> None:
         """Add the points (N, 3) of a scan, level frame, metres, each with its verdict (N,).
@@ -101,7 +101,7 @@ class GroundMap:
         return np.ascontiguousarray(image[::-1])  # north is up, rows go down
 
 
-def _levels(count: npt.NDArray[np.int64]) -> npt.NDArray[np.uint8]:
+def _levels(count: npt.NDArray[np.int32]) -> npt.NDArray[np.uint8]:
     """Return 0 for empty cells and 1 to 4 by the number of points."""
     return np.digitize(count, [1, 4, 16, 64]).astype(np.uint8)
 

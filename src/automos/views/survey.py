@@ -36,12 +36,13 @@ def survey(run: RunFiles) -> dict[str, Any]:
         Label files or poses that are missing or damaged.
     """
     about = Workspace(run.folder).read_run()
-    tracks = run.tracks_file["tracks"]
-    n = len(run)
+    tracks, n = run.tracks_file["tracks"], len(run)
     T_level_sensor = np.array([run.T_level_sensor(i) for i in range(n)])
     path = T_level_sensor[:, :3, 3]
     ground, pictures = GroundMap(path), Thumbnails(_most_telling(tracks))
+    rows, boxes = [track_row(track) for track in sorted(tracks, key=doubt)], _packed_boxes(tracks, n)
     points, sure = np.zeros((n, len(_CLASSES)), np.int64), _Sureness(run.tracks)
+    del tracks, run.tracks_file  # all boxes of a long drive, as JSON has them, are no burden of the walk
     truth = _Truth(n)
     for i in run.each("report"):
         scan = run.scan(i)
@@ -55,7 +56,7 @@ def survey(run: RunFiles) -> dict[str, Any]:
         kinds = truth.compare(i, run, labels, scan.points, owners)
         ground.add(level[is_shown], kinds[is_shown])
         pictures.add(i, level[scan.is_valid])
-    warnings = caveats(about, tracks, T_level_sensor, run.stamps, run.names, points.sum(axis=0))
+    warnings = caveats(about, rows, T_level_sensor, run.stamps, run.names, points.sum(axis=0))
     scores = truth.to_page()
     return {
         "name": about.get("recording", {}).get("name", run.sequence.name),
@@ -70,9 +71,9 @@ def survey(run: RunFiles) -> dict[str, Any]:
         "heading": np.arctan2(T_level_sensor[:, 1, 0], T_level_sensor[:, 0, 0]).round(3).tolist(),
         "length": round(float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()), 1),
         "map": ground.to_page(),
-        "tracks": [track_row(track) for track in sorted(tracks, key=doubt)],
+        "tracks": rows,
         "pictures": pictures.to_page(),
-        "boxes": _packed_boxes(tracks, n),
+        "boxes": boxes,
         "truth": scores,
         "trust": trust_in(about, warnings, sure.expected, None if scores is None else scores["all"]),
         "caveats": warnings,

@@ -41,7 +41,7 @@ class Thumbnails:
     def __init__(self, tracks: list[dict[str, Any]]):
         """Take tracks as tracks.json has them, those to be drawn."""
         self._pictures: dict[int, _Picture] = {}
-        self._wanted: dict[int, list[tuple[int, int, bool, dict[str, Any]]]] = defaultdict(list)
+        self._wanted: dict[int, list[tuple[int, int, bool, Boxes]]] = defaultdict(list)
         for track in tracks:
             boxes = [box for box in track["boxes"] if box["observed"]] or track["boxes"]
             centers = np.array([box["center"][:2] for box in boxes])
@@ -54,7 +54,7 @@ class Thumbnails:
             for moment in moments.tolist():
                 shade = round(moment / max(len(boxes) - 1, 1) * (MOMENTS - 1))
                 box = boxes[moment]
-                self._wanted[box["scan"]].append((track["id"], shade, moment == middle, box))
+                self._wanted[box["scan"]].append((track["id"], shade, moment == middle, _box(box)))
 
     @property
     def scans(self) -> set[int]:
@@ -71,10 +71,10 @@ class Thumbnails:
             half = picture.half
             strip = slice(*np.searchsorted(points[:, 0], picture.center[0] + np.array([-half, half])))
             near = points[strip][np.abs(points[strip, 1] - picture.center[1]) < half]
-            inside = points_in_boxes(near, _box(box), 0.1) >= 0
+            inside = points_in_boxes(near, box, 0.1) >= 0
             picture.parts.append(picture_rows(near[inside], picture.center, half, shade, POINTS))
             if is_middle:
-                floor = box["center"][2] - 0.5 * box["size"][2] + GROUND
+                floor = box.center[0, 2] - 0.5 * box.size[0, 2] + GROUND
                 stands = ~inside & (near[:, 2] > floor) & (near[:, 2] < floor + 4.0)
                 picture.parts.append(picture_rows(near[stands], picture.center, half, 255, AROUND))
 

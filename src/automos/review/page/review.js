@@ -341,7 +341,8 @@
     fetchPictures();
     if (!view.hasSpace) tell("this browser has no WebGL: the view from above must do", true);
     if (!now.run.items.length) { over("Nothing to review", ["No object was followed in this recording. What was missed can be added.", ...now.run.sentences].join("\n")); missed.goToScan(0); } else {
-      if (now.run.sentences.length) over("Worth knowing", now.run.sentences.join("\n"));
+      byId("knowing").hidden = !now.run.sentences.length; // beside the list: what is said there stops nobody who decides by keys
+      byId("knowing-text").textContent = now.run.sentences.join("\n");
       open(now.run.items.find((item) => !item.decided) || now.run.items[0]);
     }
     ask("api/status").then((status) => { drawGain(status.iou); if (status.finishing) waitForFinishing(); });
