@@ -1,13 +1,15 @@
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
-from raw_worlds import TOWN, curve, sweep
-from worlds import SCAN_GAP, street
+from raw_worlds import TOWN, curve, sweep, untimed
+from worlds import SCAN_GAP, SENSOR_HEIGHT, street
+from worlds import record as record_compensated
 
 from automos import load_settings
-from automos.core.geometry import inverse, se3_log
+from automos.core.geometry import inverse, make_transform, se3_log
 from automos.core.scan import Scan
 from automos.odometry.background import BackgroundTask
 from automos.odometry.correction import AT_ONCE
@@ -84,6 +86,32 @@ def test_timing_is_taken_over_once_the_last_scans_were_followed_under_it(sweeps)
     # the sensor does not leap: the first scan on the new path lies where the last one and the motion want it
     steps = np.linalg.norm(np.diff(chained(moved)[:, :3, 3], axis=0), axis=1)
     assert steps[known - 1] == pytest.approx(steps[known], abs=0.1)
+
+
+STANDING = 20  # scans
+
+
+def setting_off(now):
+    """Return the pose of a sensor that sets off after `STANDING` scans, at 3 m/s^2."""
+    x = -8.0 + 1.5 * max(now - SCAN_GAP * STANDING, 0.0) ** 2
+    return make_transform(t=[x, 0.0, SENSOR_HEIGHT])
+
+
+@pytest.mark.parametrize("is_raw", [True, False], ids=["raw", "compensated"])
+@pytest.mark.parametrize(
+    ("pose", "at"), [(setting_off, STANDING + 18), (curve(5.0, 0.3), 18)], ids=["from rest", "in motion"]
+)
+def test_the_timing_is_known_soon_after_the_sensor_moves_and_never_changes_back(pose, at, is_raw):
+    middles = SCAN_GAP * np.arange(at + 12)
+    if is_raw:
+        scans = [sweep(TOWN, pose, middle, n_beams=40) for middle in middles]
+    else:
+        scans = record_compensated(TOWN, np.array([pose(middle) for middle in middles]), n_beams=40).sequence
+    moved = follow([untimed(scan) for scan in scans])
+    kinds = [step.posed.timing.source for step in moved]
+    assert len(set(kinds[1 : STANDING if pose is setting_off else 2])) == 1  # what is usual, while nothing tells
+    assert all((kind != "none") == is_raw for kind in kinds[at:])
+    assert sum(a != b for a, b in pairwise(kinds[1:])) == (not is_raw)
 
 
 def test_the_first_sweep_is_compensated_once_the_motion_is_known():

@@ -52,3 +52,9 @@ def test_after_two_windows_two_standard_errors_are_clear(n_windows, is_clear):
     search.windows, search.is_clear = [None] * n_windows, True
     assert search.best([NONE, REAR]) == REAR
     assert search.is_clear is is_clear
+
+
+@pytest.mark.parametrize(("gain", "is_ahead"), [(0.059, False), (0.061, True)])
+def test_what_is_assumed_is_kept_until_another_timing_is_better_by_two_standard_errors(gain, is_ahead):
+    search = search_with({REAR: np.zeros(16), NONE: less_by(gain, 0.06)})  # a standard error of 3 %
+    assert search.is_ahead(NONE, REAR) is is_ahead

@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
+from functools import partial
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -16,15 +17,20 @@ import numpy.typing as npt
 from automos.core.array_sequence import ArraySequence
 from automos.core.blas import one_blas_thread
 from automos.core.scan import Pose, Scan, Sequence
-from automos.odometry.clock import read_clock
+from automos.odometry.clock import RunningClock, read_clock
 from automos.odometry.followed import TimedScan
+from automos.odometry.links import COARSE
+from automos.odometry.moving_windows import MIN_BEND, WINDOW_SCANS, bend_of
 from automos.odometry.one_lidar import with_one_lidar
+from automos.odometry.path import Path
 from automos.odometry.point_order import learn_order, sees_all_round
 from automos.odometry.sweep_timing import SweepTiming, recorded_duration
 from automos.odometry.timing import TimingChoice, choose_timing, rear_seam
 from automos.settings import OdometrySettings
 
 _NICE = 10
+DELAY = 0.5
+"""Seconds of the stream until a result is used, at most: few scans take less."""
 Result = TypeVar("Result")
 
 
@@ -86,12 +92,47 @@ class _Followed(Sequence):
         return self._is_compensated
 
 
-def find_timing(
-    last: list[tuple[TimedScan, Pose]], settings: OdometrySettings, is_compensated: bool | None
-) -> TimingChoice:
-    """Return the timing of sweeps, from scans with their poses in which the sensor moves."""
-    sequence = _Followed([timed for timed, _ in last], is_compensated)
-    return choose_timing(sequence, settings, np.array([T for _, T in last]), read_clock(sequence))
+class TimingSearch:
+    """The search for the timing of sweeps in the last scans in which the sensor moves, until one timing is clear.
+
+    Attributes
+    ----------
+    first_stamp : float
+        Of the scans in which it was searched last; earlier ones did not move, or are far behind.
+    """
+
+    def __init__(self, settings: OdometrySettings, is_compensated: bool | None):
+        self._settings, self._is_compensated = settings, is_compensated
+        self._task: BackgroundTask[TimingChoice] = BackgroundTask(DELAY)
+        self._at, self._pause = -math.inf, WINDOW_SCANS // 2  # stamp of the next search, and scans until one after it
+        self.first_stamp = -math.inf
+
+    def start(self, last: list[tuple[TimedScan, Pose]], path: Path, clock: RunningClock) -> None:
+        """Start to search in the last scans of `path`, as many as tell most, if the sensor moves in them."""
+        half, period, poses = WINDOW_SCANS // 2, clock.period, path.poses
+        lengths = (3 * half, 2 * half, max(round(COARSE.lags[1] / period), half))
+        if self._task.is_started or clock.stamp < self._at:
+            return
+        for n in (len(last),) if path.is_patient else lengths:
+            scans = [(timed, poses.get(timed.stamp, T)) for timed, T in last[-n:]]
+            if len(scans) == n and bend_of(np.array([T for _, T in scans])) >= MIN_BEND:
+                self._task.start(partial(self._find, scans, None if path.is_patient else path.timing), clock.stamp)
+                self._at = clock.stamp + self._pause * period
+                self.first_stamp = -math.inf if path.is_patient else scans[0][0].stamp
+                self._pause *= 2 if n == lengths[0] else 1  # if another search would hardly know more
+                return
+
+    def result(self, now: float) -> TimingChoice | None:
+        """Return what was found if it is due at `now` seconds; once."""
+        found = self._task.result(now)
+        if found is not None:
+            self._task = BackgroundTask(DELAY)
+        return found
+
+    def _find(self, scans: list[tuple[TimedScan, Pose]], assumed: SweepTiming | None) -> TimingChoice:
+        sequence = _Followed([timed for timed, _ in scans], self._is_compensated)
+        poses, clock = np.array([T for _, T in scans]), read_clock(sequence)
+        return choose_timing(sequence, self._settings, poses, clock, assumed=assumed)
 
 
 def timing_from_times(scan: Scan) -> SweepTiming | None:

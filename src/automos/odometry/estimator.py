@@ -1,8 +1,9 @@
 """The motion of the sensor, scan by scan: one estimator, at any lag.
 
 The timing of sweeps and the speed are beliefs about the scans whose poses are not final. They are determined in the
-background from some scans. If the result differs from the assumption, these scans are followed again, a few with every
-new scan, until they have caught up; then the new path replaces the old one. Who waits longer has more scans for it.
+background from some scans, as soon as these tell, and again until they are clear. If the result differs from the
+assumption, these scans are followed again, a few with every new scan, until they have caught up; then the new path
+replaces the old one. Who waits longer has more scans for it.
 """
 
 from __future__ import annotations
@@ -19,11 +20,10 @@ import numpy.typing as npt
 
 from automos.core.geometry import inverse, se3_log
 from automos.core.scan import Pose, Scan
-from automos.odometry.background import BackgroundTask, find_timing, timing_from_times, usual_timing
+from automos.odometry.background import DELAY, BackgroundTask, TimingSearch, timing_from_times, usual_timing
 from automos.odometry.clock import RunningClock
 from automos.odometry.correction import Correction
 from automos.odometry.followed import Followed, Posed, Stamped, TimedScan
-from automos.odometry.moving_windows import MIN_BEND, WINDOW_SCANS, bend_of
 from automos.odometry.path import PATIENT, WINDOW, Path
 from automos.odometry.settling import at_another_speed
 from automos.odometry.sweep_timing import SAME_TIME, SweepTiming
@@ -33,8 +33,8 @@ from automos.settings import OdometrySettings
 
 REMADE = 40
 """Scans that are registered again, at most."""
-SPEED_SCANS, SPEED_DELAY = 3, 0.5
-"""Scans in which the speed is first searched, and seconds until a result is used, at most: few scans take less."""
+SPEED_SCANS = 3
+"""Scans in which the speed is first searched."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,12 +91,12 @@ class Odometry:
         """
         if timing is None and (is_compensated or settings.time == "none"):
             timing = SweepTiming()
-        self._settings, self._pool, self._is_compensated = settings, pool, is_compensated
+        self._settings, self._pool = settings, pool
         self._new_path = partial(Path, settings, lag=lag, has_stamps=has_stamps)
         self.path = self._new_path(timing or SweepTiming(), pool=pool)
         self.timing_found: TimingChoice | None = None
-        self._timing_task: BackgroundTask[TimingChoice] | None = None if timing is not None else BackgroundTask(2.0)
-        self._speed_task: BackgroundTask[Stamped | None] = BackgroundTask(SPEED_DELAY)
+        self._timing_search = TimingSearch(settings, is_compensated) if timing is None else None
+        self._speed_task: BackgroundTask[Stamped | None] = BackgroundTask(DELAY)
         self._search_at, self._pause = -np.inf, 0.0  # stamp of the next search, and seconds since the one before
         self._n, self._clock = 0, RunningClock()
         self._last = deque[tuple[TimedScan, Pose]](maxlen=None if self.path.is_patient else REMADE)
@@ -106,12 +106,12 @@ class Odometry:
         """Return the motion of the sensor up to this scan; it is kept unless `read` gives it again."""
         stamp, gap = self._clock.tick(scan.stamp)
         timed = TimedScan(read or (lambda: scan), stamp, gap, self._clock.period)
-        if self._timing_task is not None and self._n < 2:
+        if self._timing_search is not None and self._n < 2:
             self._guess_timing(scan)
         again, T_before_now = self._correct()
         posed = self.path.push(timed, scan)
         self._n += 1
-        if not self.path.is_patient or self._timing_task is not None or self._n <= 2:
+        if not self.path.is_patient or self._timing_search is not None or self._n <= 2:
             self._last.append((timed, posed.T_world_sensor))
         if self._correction is not None:
             self._correction.add(timed)
@@ -123,8 +123,8 @@ class Odometry:
         again, T_before_now = [], None
         self.path.finish()
         if self.path.is_patient and self._n:
-            if self._correction is None and self._timing_task is not None:
-                self._start_timing()
+            if self._correction is None and self._timing_search is not None:
+                self._timing_search.start(list(self._last), self.path, self._clock)
                 self._correction = self._pending_correction(math.inf)
             if self._correction is not None:
                 again = self._correction.advance(self._n)
@@ -149,19 +149,12 @@ class Odometry:
         settings, is_settled = self._settings, self._correction is None and not self.path.is_patient
         is_due = self._n >= SPEED_SCANS and self._clock.stamp >= self._search_at
         if is_settled and is_due and not self._speed_task.is_started:
-            self._speed_task = BackgroundTask(min(SPEED_DELAY, 0.5 * self._n * self._clock.period))
+            self._speed_task = BackgroundTask(min(DELAY, 0.5 * self._n * self._clock.period))
             search = partial(_other_speed, self.path.window, self.path.stamps, settings)
             self._speed_task.start(search, self._clock.stamp)
-        enough = round(WINDOW / self._clock.period) if self.path.is_patient else WINDOW_SCANS
-        if self._timing_task is not None and not self._timing_task.is_started and self._n >= enough:
-            self._start_timing(enough)
-
-    def _start_timing(self, n: int | None = None) -> None:
-        """Start to determine the timing, if the sensor moves in the last scans."""
-        last = list(self._last)[-(n or 0) :]
-        last = [(timed, self.path.poses.get(timed.stamp, T)) for timed, T in last]
-        if self._timing_task is not None and bend_of(np.array([T for _, T in last])) >= MIN_BEND:
-            self._timing_task.start(partial(find_timing, last, self._settings, self._is_compensated), self._clock.stamp)
+        enough = round(WINDOW / self._clock.period)
+        if self._timing_search is not None and (self._n >= enough or not self.path.is_patient):
+            self._timing_search.start(list(self._last)[-enough:], self.path, self._clock)
 
     def _correct(self) -> tuple[list[Followed], Pose | None]:
         """Return scans registered again, and the transform of a path that replaces the current one."""
@@ -187,15 +180,18 @@ class Odometry:
         if self._n < 2:
             return None
         if self._n == 2 and self.path.timing.share:  # from now on, the distortion of the first sweep is known
-            correction = self._follow_again(self.path.timing, self.path.twist)
+            correction = self._follow_again(list(self._last), self.path.timing, self.path.twist)
             correction.follow(self._n)
             return correction
-        found = None if self._timing_task is None else self._timing_task.result(now)
-        if found is not None:
-            self._timing_task, self.timing_found = None, found
+        search = self._timing_search
+        if search is not None and (found := search.result(now)) is not None:
+            self.timing_found = found
+            self._timing_search = None if found.is_final or self.path.is_patient else search
             if not _are_alike(found.timing, self.path.timing):
-                (_, T), (second, T_second) = list(self._last)[:2]
-                return self._follow_again(found.timing, se3_log(inverse(T) @ T_second) / second.gap)
+                self._speed_task = BackgroundTask(DELAY)  # what it finds is of the poses under another timing
+                last = [(timed, T) for timed, T in self._last if timed.stamp >= search.first_stamp]
+                (_, T), (second, T_second) = last[:2]
+                return self._follow_again(last, found.timing, se3_log(inverse(T) @ T_second) / second.gap)
         found_speed = self._searched(now)
         return None if found_speed is None else self._go_on_from(*found_speed)
 
@@ -208,8 +204,8 @@ class Odometry:
             return None
         found = self._speed_task.result(now)
         is_new = found is not None or self._n < REMADE
-        self._pause = 0.0 if is_new else min(max(2.0 * self._pause, SPEED_DELAY), PATIENT)
-        self._speed_task, self._search_at = BackgroundTask(SPEED_DELAY), self._clock.stamp + self._pause
+        self._pause = 0.0 if is_new else min(max(2.0 * self._pause, DELAY), PATIENT)
+        self._speed_task, self._search_at = BackgroundTask(DELAY), self._clock.stamp + self._pause
         return found
 
     def _go_on_from(self, window: Window, stamps: list[float]) -> Correction:
@@ -224,10 +220,12 @@ class Odometry:
         posed = [Posed(T, timing, twist) for T, twist in zip(window.T_world_sensor, window.twists, strict=True)]
         return Correction(path, list(zip(known, posed, strict=True)), todo, self._pool)
 
-    def _follow_again(self, timing: SweepTiming, twist: npt.NDArray[np.float64]) -> Correction:
-        """Return a new path through the last scans, with an initial motion of `twist` per usual gap."""
-        path = self._new_path(timing, twist=twist, T_world_first=self._last[0][1])
-        return Correction(path, [], [timed for timed, _ in self._last], self._pool)
+    def _follow_again(
+        self, last: list[tuple[TimedScan, Pose]], timing: SweepTiming, twist: npt.NDArray[np.float64]
+    ) -> Correction:
+        """Return a new path through the `last` scans, with an initial motion of `twist` per usual gap."""
+        path = self._new_path(timing, twist=twist, T_world_first=last[0][1])
+        return Correction(path, [], [timed for timed, _ in last], self._pool)
 
 
 def _other_speed(window: Window, stamps: list[float], settings: OdometrySettings) -> Stamped | None:

@@ -43,7 +43,7 @@ CLEAR_GAIN = 0.03
 """Additional gain required of rare hypotheses: halved or reversed sweeps."""
 CLEAR_ERRORS = (4.0, 2.0)
 """Standard errors between the best and every hypothesis of another kind from which no more windows are needed: at
-first, and after `WINDOWS` windows."""
+first, and after `WINDOWS` windows. By the latter, a hypothesis must be better than an assumed one."""
 
 ON_NEIGHBOURS = Alignment((0.5, 0.3), noise=0.05, lags=(0.1, 0.2), submap_every=0.1, submap_length=0.0, max_surfels=600)
 """Each scan with its neighbours: adapts their steps to the times of a hypothesis, by up to half a metre."""
@@ -169,6 +169,12 @@ class Search:
         """Return the `n` of `guesses` under which the windows align best with their current poses, in their order."""
         found = _mean_misfit(self._evaluate(guesses, is_rough=True))
         return [guesses[i] for i in sorted(np.argsort(found, kind="stable")[:n])]
+
+    def is_ahead(self, guess: SweepTiming, assumed: SweepTiming) -> bool:
+        """Return whether the windows align clearly better under `guess`."""
+        found = self._evaluate([guess, assumed], is_rough=False)
+        more, error = _compare(found, found[0])
+        return bool(more[1] > CLEAR_ERRORS[1] * error[1])
 
     def best(
         self, likely: list[SweepTiming], selected: Collection[SweepTiming] = (), rare: Collection[SweepTiming] = ()

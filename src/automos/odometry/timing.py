@@ -47,6 +47,7 @@ class TimingChoice:
 
     timing: SweepTiming
     misfits: dict[str, float] = field(default_factory=dict)  # of each tested hypothesis, by its text
+    is_final: bool = True  # whether more scans would hardly change it
 
     def to_dict(self) -> dict[str, object]:
         """Return the choice, and by how many percent its rivals are worse, best first."""
@@ -62,8 +63,11 @@ def choose_timing(
     poses: Pose,
     clock: Clock,
     pool: ThreadPoolExecutor | None = None,
+    assumed: SweepTiming | None = None,
 ) -> TimingChoice:
     """Return the source of the point times, as requested by `settings.time`.
+
+    What is `assumed` is kept unless the scans align clearly better under another timing.
 
     Raises
     ------
@@ -88,14 +92,18 @@ def choose_timing(
     none = [] if sequence.is_compensated is False else [SweepTiming()]
     untimed = [] if wanted == "azimuth" else [*none, *steady]
     search, best = Search(settings, pool, is_cut), None
-    for window in moving_windows(sequence, settings, poses, clock, [*timed, *drifting, *steady], pool):
+    known = [] if assumed is None or assumed == SweepTiming() or assumed.has_fixed_seam else [assumed]
+    from_points = {timing.source: timing for timing in [*known, *timed, *drifting, *steady]}
+    for window in moving_windows(sequence, settings, poses, clock, list(from_points.values()), pool):
         search.add(window)
         best = _best_hypothesis(search, timed, untimed, is_by_azimuth, drifting, clock)
         if search.is_clear or (timed and len(search.windows) == WINDOWS):
             break
+    if assumed is not None and (best is None or not search.is_ahead(best, assumed)):
+        return TimingChoice(assumed, search.misfits, search.is_clear and best == assumed)
     if best is None:  # no motion, so no distortion, or too few surfaces
         return TimingChoice([*([from_file] if from_file else []), *untimed, *timed, rear_seam()][0])
-    choice = TimingChoice(best, search.misfits)
+    choice = TimingChoice(best, search.misfits, search.is_clear)
     _log.info("sweep timing: %s", choice.to_dict())
     return choice
 
