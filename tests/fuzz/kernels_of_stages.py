@@ -20,6 +20,7 @@ from automos.evidence.look_through import look_through
 from automos.objects import detect, places
 from automos.objects.boxes import fit_boxes
 from automos.objects.face_paths import path_terms
+from automos.objects.looks import share_first_looks
 from automos.objects.motion import smooth
 from automos.objects.object_points import paint_objects
 from automos.objects.segments import segment_points
@@ -114,6 +115,7 @@ def _tracking(points: np.ndarray) -> None:
     places.held_places(points, some, ~some, columns)
     whole, even = np.array([0, len(points)]), np.array([0.5])
     state_probabilities(whole, np.arange(len(points)) * 0.1, values[:, 0].copy(), even, even, 0.01, 0.02)
+    share_first_looks(values[:, 0].copy(), whole, np.arange(len(points)) * 0.1, np.ones(1, bool))
     path_terms(whole, np.arange(len(points)) * 0.1, np.hstack([values, values])[:, :4])
 
 

@@ -99,7 +99,7 @@ def setting_off(now):
 
 @pytest.mark.parametrize("is_raw", [True, False], ids=["raw", "compensated"])
 @pytest.mark.parametrize(
-    ("pose", "at"), [(setting_off, STANDING + 18), (curve(5.0, 0.3), 18)], ids=["from rest", "in motion"]
+    ("pose", "at"), [(setting_off, STANDING + 24), (curve(5.0, 0.3), 24)], ids=["from rest", "in motion"]
 )
 def test_the_timing_is_known_soon_after_the_sensor_moves_and_never_changes_back(pose, at, is_raw):
     middles = SCAN_GAP * np.arange(at + 12)

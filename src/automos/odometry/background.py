@@ -103,7 +103,7 @@ class TimingSearch:
 
     def __init__(self, settings: OdometrySettings, is_compensated: bool | None):
         self._settings, self._is_compensated = settings, is_compensated
-        self._task: BackgroundTask[TimingChoice] = BackgroundTask(DELAY)
+        self._task: BackgroundTask[TimingChoice] = BackgroundTask(0.0)
         self._at, self._pause = -math.inf, WINDOW_SCANS // 2  # stamp of the next search, and scans until one after it
         self.first_stamp = -math.inf
 
@@ -116,6 +116,7 @@ class TimingSearch:
         for n in (len(last),) if path.is_patient else lengths:
             scans = [(timed, poses.get(timed.stamp, T)) for timed, T in last[-n:]]
             if len(scans) == n and bend_of(np.array([T for _, T in scans])) >= MIN_BEND:
+                self._task = BackgroundTask(DELAY if path.is_patient else n * period)
                 self._task.start(partial(self._find, scans, None if path.is_patient else path.timing), clock.stamp)
                 self._at = clock.stamp + self._pause * period
                 self.first_stamp = -math.inf if path.is_patient else scans[0][0].stamp
@@ -126,7 +127,7 @@ class TimingSearch:
         """Return what was found if it is due at `now` seconds; once."""
         found = self._task.result(now)
         if found is not None:
-            self._task = BackgroundTask(DELAY)
+            self._task = BackgroundTask(0.0)
         return found
 
     def _find(self, scans: list[tuple[TimedScan, Pose]], assumed: SweepTiming | None) -> TimingChoice:

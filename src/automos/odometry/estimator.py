@@ -97,7 +97,7 @@ class Odometry:
         self.timing_found: TimingChoice | None = None
         self._timing_search = TimingSearch(settings, is_compensated) if timing is None else None
         self._speed_task: BackgroundTask[Stamped | None] = BackgroundTask(DELAY)
-        self._search_at, self._pause = -np.inf, 0.0  # stamp of the next search, and seconds since the one before
+        self._search_at = -np.inf  # stamp of the next search
         self._n, self._clock = 0, RunningClock()
         self._last = deque[tuple[TimedScan, Pose]](maxlen=None if self.path.is_patient else REMADE)
         self._correction: Correction | None = None
@@ -198,14 +198,13 @@ class Odometry:
     def _searched(self, now: float) -> Stamped | None:
         """Return the last scans at another speed if a search has found one; and plan the next search.
 
-        At first there is no pause between searches, later they double, up to about what one sees.
+        At first there is half as much time between searches as there was before them, later about what one sees.
         """
         if not self._speed_task.is_due(now):
             return None
         found = self._speed_task.result(now)
-        is_new = found is not None or self._n < REMADE
-        self._pause = 0.0 if is_new else min(max(2.0 * self._pause, DELAY), PATIENT)
-        self._speed_task, self._search_at = BackgroundTask(DELAY), self._clock.stamp + self._pause
+        pause = 0.0 if found is not None else min(0.5 * self._n * self._clock.period, PATIENT)
+        self._speed_task, self._search_at = BackgroundTask(DELAY), self._clock.stamp + pause
         return found
 
     def _go_on_from(self, window: Window, stamps: list[float]) -> Correction:

@@ -24,11 +24,10 @@ from automos.readers.formats import Format
 from automos.readers.layouts import LAYOUTS, is_columns, parse_columns
 from automos.readers.mounts import FILE as MOUNTS
 from automos.readers.mounts import read_mounts
-from automos.readers.pcd import read_headers
 from automos.readers.point_times import PointTimes, judge_times, sweep_starts
 from automos.readers.record_layout import find_columns
 from automos.readers.seen_order import put_in_seen_order
-from automos.readers.sensor_place import find_frame, frame_said
+from automos.readers.sensor_place import find_frame, frame_said, read_viewpoints
 from automos.readers.time_order import put_in_order, read_times, usual_step
 from automos.readers.units import unit_of
 
@@ -78,7 +77,7 @@ class FolderSequence(Sequence):
         self._order, self._stamps, self._warnings = ordered.order, ordered.stamps, ordered.warnings
         self._files = [self._files[i] for i in self._order]
         self._names = [self._names[i] for i in self._order]
-        self._viewpoints, self._surplus = read_headers(self.paths) if self.codec == "pcd" else (None, [])
+        self._viewpoints, self._surplus = read_viewpoints(self.paths, self.codec)
         self._T_file_sensor = self._find_frame()
         del self._read
         columns = f"The files have no header; their points are read as --columns {self.columns}."

@@ -165,3 +165,12 @@ def _require_sensor(spacing: Spacing, place: Array, where: Path, fault: str) -> 
         f"({found[0]:.0f}, {found[1]:.0f}), not from the origin; give the scans in the sensor's frame, or put the "
         f"sensor's pose of each, in the frame of the clouds, beside them as poses.txt{fault}"
     )
+
+
+def read_viewpoints(paths: Sequence[Path], codec: str) -> tuple[Pose | None, list[str]]:
+    """Return (N, 4, 4) where the headers of clouds say that the sensor was, None if they do not, and what to say."""
+    if codec != "pcd":
+        return None, []
+    from automos.readers.pcd import read_headers
+
+    return read_headers(paths)
