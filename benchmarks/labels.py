@@ -45,11 +45,10 @@ def score(recording: str, store: Path, method: str = "default", change: str = ""
             poses = _noisy_poses(made.sequence, settings) if made.has_noisy_poses else None
             with Effort() as effort:
                 result = label(made.sequence, settings, poses=poses, workspace=workspace, workers=workers)
-            found = _counted(made, result)
-    way = float(path_length(result.trajectory.T_world_sensor)[-1])
+            found, trajectory = _counted(made, result), result.trajectory
     return found | {
-        "way_m": way,
-        "is_timed": result.trajectory.timing.source != "none",
+        "way_m": float(path_length(trajectory.T_world_sensor)[-1]),
+        "is_timed": trajectory.timing.source != "none",
         "scans": len(made.sequence),
         "cpu_seconds": effort.busy,
         "wall_seconds": effort.seconds,
