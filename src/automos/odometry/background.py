@@ -103,7 +103,7 @@ class TimingSearch:
 
     def __init__(self, settings: OdometrySettings, is_compensated: bool | None):
         self._settings, self._is_compensated = settings, is_compensated
-        self._task: BackgroundTask[TimingChoice] = BackgroundTask(0.0)
+        self._task: BackgroundTask[TimingChoice] | None = None
         self._at, self._pause = -math.inf, WINDOW_SCANS // 2  # stamp of the next search, and scans until one after it
         self.first_stamp = -math.inf
 
@@ -111,7 +111,7 @@ class TimingSearch:
         """Start to search in the last scans of `path`, as many as tell most, if the sensor moves in them."""
         half, period, poses = WINDOW_SCANS // 2, clock.period, path.poses
         lengths = (3 * half, 2 * half, max(round(COARSE.lags[1] / period), half))
-        if self._task.is_started or clock.stamp < self._at:
+        if self._task is not None or clock.stamp < self._at:
             return
         for n in (len(last),) if path.is_patient else lengths:
             scans = [(timed, poses.get(timed.stamp, T)) for timed, T in last[-n:]]
@@ -125,9 +125,9 @@ class TimingSearch:
 
     def result(self, now: float) -> TimingChoice | None:
         """Return what was found if it is due at `now` seconds; once."""
-        found = self._task.result(now)
+        found = None if self._task is None else self._task.result(now)
         if found is not None:
-            self._task = BackgroundTask(0.0)
+            self._task = None
         return found
 
     def _find(self, scans: list[tuple[TimedScan, Pose]], assumed: SweepTiming | None) -> TimingChoice:

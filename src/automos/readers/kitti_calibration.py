@@ -18,6 +18,8 @@ from automos.core.upright_boxes import Boxes
 from automos.readers.box_truth import DrawnBoxes, DrawnTruth, centers_in_world, judge_boxes
 from automos.readers.stamped_poses import rigid_transforms
 
+PACKET = 30
+"""Numbers in a GPS/IMU packet."""
 EARTH_RADIUS = 6378137.0
 _MOST = np.array([89.0, 360.0, 1e5, 7.0, 7.0, 7.0])
 """Latitude and longitude, degrees, altitude, metres, and roll, pitch and yaw, radians: beyond are not vehicles."""

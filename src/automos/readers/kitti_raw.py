@@ -20,6 +20,7 @@ from automos.readers.box_truth import DrawnBoxes, checked_boxes
 from automos.readers.folder import FolderSequence
 from automos.readers.formats import Format
 from automos.readers.kitti_calibration import (
+    PACKET,
     Camera,
     KittiTruth,
     poses_from_packets,
@@ -36,8 +37,6 @@ from automos.readers.time_order import seconds_of
 _SCANS = ("velodyne_points/data", "ouster_points/data")
 """Of KITTI and KITTI-360, and of VBR's converter."""
 _BOXES = "tracklet_labels.xml"
-_PACKET = 30
-"""Numbers in a GPS/IMU packet."""
 
 
 def find(path: Path) -> list[Path]:
@@ -115,7 +114,7 @@ class KittiRawSequence(KittiTruth, FolderSequence):
     @cached_property
     def _T_map_imu(self) -> Pose:
         folder = self._oxts / "data"
-        packets = [read_table(folder / f"{name}.txt", _PACKET, "poses") for name in self._names]
+        packets = [read_table(folder / f"{name}.txt", PACKET, "poses") for name in self._names]
         twice = next((name for name, rows in zip(self._names, packets, strict=True) if len(rows) > 1), None)
         if twice is not None:
             raise InputError(f"{folder / twice}.txt holds more than one packet, the scan's; copy it again")

@@ -16,6 +16,7 @@ from automos.readers.folder import FolderSequence
 from automos.readers.formats import Format
 from automos.readers.kitti_calibration import (
     IMAGE_SIZE,
+    PACKET,
     Camera,
     KittiTruth,
     poses_from_packets,
@@ -30,7 +31,6 @@ from automos.readers.stamped_poses import sensor_poses
 
 _PERIOD = 0.1
 """Seconds between scans; the benchmark gives no times."""
-_PACKET = 30
 _WORDS = (17, 18)
 """Of a line about a box; some programs add a score."""
 
@@ -74,7 +74,7 @@ class KittiTrackingSequence(KittiTruth, FolderSequence):
         path = self._oxts
         if not is_there(path):
             return None
-        packets = read_table(path, _PACKET, "poses")
+        packets = read_table(path, PACKET, "poses")
         if len(packets) <= self._frames.max():
             raise InputError(f"{path} holds {len(packets)} poses, but there is a scan {self._names[-1]}; copy it again")
         return sensor_poses(poses_from_packets(packets[self._frames], path), inverse(self._T_sensor_imu))
