@@ -1,7 +1,7 @@
 """Changes of the method, by name or by place: what is a setting, a number or a rule worth?
 
 A change is one of `CHOICES`, each of which takes something back, or PLACE=VALUE: a setting (`tracking.max_gap=0`), or a
-constant beside its code as "module:NAME" or "module:NAME.key" (`automos.objects.judge:PIECE=0`). Several are
+constant beside its code as "module:NAME" or "module:NAME.key" (`automos.objects.terms:PIECE=0`). Several are
 joined by " + ". A constant that a compiled kernel reads as a global cannot be changed so.
 """
 
@@ -46,7 +46,7 @@ def everywhere(extents: list[npt.NDArray[np.float32]]) -> npt.NDArray[np.float32
     return np.full_like(extents[0], 10.0)
 
 
-JUDGE, PAIRS = "automos.objects.judge", "automos.objects.association"
+JUDGE, TERMS, PAIRS = (f"automos.objects.{module}" for module in ("judge", "terms", "association"))
 BODY = "automos.evidence.ego_body"
 CHOICES: dict[str, dict[str, Any]] = {
     "everything": {},
@@ -65,8 +65,8 @@ CHOICES: dict[str, dict[str, Any]] = {
     "the walk on the ground begins level": {"automos.evidence.ground:PLANE_SHARE": 2.0},
     "objects of 20 m at most": {"instances.components.max_side": 20.0},
     "unsteady things move, too": {f"{JUDGE}:UNSTEADY": 0.0},
-    "pieces are as good as wholes": {f"{JUDGE}:PIECE": 0.0},
-    "dust is as good as faces": {f"{JUDGE}:POROUS": 0.0},
+    "pieces are as good as wholes": {f"{TERMS}:PIECE": 0.0},
+    "dust is as good as faces": {f"{TERMS}:POROUS": 0.0},
     "what overlaps may be another": {f"{PAIRS}:MIN_OVERLAP": 2.0},
     "objects may climb": {f"{PAIRS}:MAX_CLIMB": NEVER},
     "objects may lose their points": {f"{PAIRS}:MAX_COUNT_RATIO": NEVER},

@@ -118,15 +118,15 @@ def test_what_a_change_takes_back_is_there(name):
 
 
 def test_a_change_gives_settings_and_constants_other_values_and_names_what_it_does_not_know():
-    place = "automos.objects.judge:PIECE"
+    place = "automos.objects.terms:PIECE"
     overrides, constants = ablation.parsed(f"tracking.max_gap=0.5 + {place}=0")
     assert (overrides, constants) == ({"tracking.max_gap": 0.5}, {place: 0})
-    from automos.objects import judge
+    from automos.objects import terms
 
-    before = judge.PIECE
+    before = terms.PIECE
     with ablation.changed(constants):
-        assert judge.PIECE == 0
-    assert before == judge.PIECE
+        assert terms.PIECE == 0
+    assert before == terms.PIECE
     assert ablation.cumulative(["a=1", "b=2"]) == ["a=1", "a=1 + b=2"]
     with pytest.raises(InputError, match="'no such rule' is no change"):
         ablation.parsed("no such rule")

@@ -2,23 +2,11 @@
 
 import numpy as np
 import pytest
-from scipy.special import gammaln
 
 from automos.core.upright_boxes import Boxes
 from automos.objects.detections import Detections
-from automos.objects.judge import (
-    BODY,
-    LEAST_SOLID,
-    MOVED,
-    PIECE,
-    POROUS,
-    STAYED,
-    WRONG,
-    is_scenery,
-    judge_tracks,
-    moving_now,
-    segment_terms,
-)
+from automos.objects.judge import is_scenery, judge_tracks, moving_now
+from automos.objects.terms import segment_terms
 from automos.objects.tracks import Tracks
 from automos.objects.verdict import Verdict
 
@@ -93,40 +81,6 @@ CLIMBING = np.random.default_rng(1).uniform(0.0, 3.0, 20)
 )
 def test_what_is_seen_through_and_goes_somewhere_moves(track, expected):
     assert verdict_on(**track) == expected
-
-
-def test_the_evidence_of_a_scan_by_hand():
-    def likelihood(prior):
-        a, n = np.array(prior), np.array([30.0, 50.0, 20.0])
-        return gammaln(a.sum()) - gammaln(a.sum() + n.sum()) + (gammaln(a + n) - gammaln(a)).sum()
-
-    moved, stayed = np.exp(likelihood(MOVED)), np.exp(likelihood(STAYED))
-    _, seen = one_track(STRAIGHT, moved=0.3, stayed=0.5)
-    right = np.log(((1.0 - WRONG) * moved + WRONG * stayed) / ((1.0 - WRONG) * stayed + WRONG * moved))
-    assert segment_terms(seen[0]).evidence[0] == pytest.approx(BODY + right)
-
-
-def test_no_scan_says_more_than_the_odds_of_its_being_wrong():
-    for moved in (0.0, 1.0):
-        _, seen = one_track(STRAIGHT, n_points=10**7, moved=moved, stayed=1.0 - moved)
-        assert abs(segment_terms(seen[0]).evidence[0] - BODY) < np.log(1.0 / WRONG)
-
-
-def test_unknown_points_count_only_where_others_were_asked():
-    _, seen = one_track(STRAIGHT, moved=0.0, stayed=0.0)
-    assert segment_terms(seen[0], is_asked=False).evidence[0] == 0.0
-    assert segment_terms(seen[0]).evidence[0] != pytest.approx(BODY)
-
-
-def test_what_lets_through_the_rays_that_meet_it_and_pieces_are_seldom_bodies():
-    _, seen = one_track(STRAIGHT, n_points=100, moved=0.0)
-    whole = segment_terms(seen[0]).evidence[0]
-    share_of_a_face = 1.0 - 1.5 / 10.0 + 0.5 / 100.0
-    for solidity, through in ((share_of_a_face, 0.0), (0.5 * share_of_a_face, 1.0), (0.0, 1.0 / LEAST_SOLID)):
-        seen[0].solidity[:] = solidity
-        assert segment_terms(seen[0]).evidence[0] == pytest.approx(whole + POROUS * through)
-    seen[0].solidity[:], seen[0].part_of[:] = 1.0, 0
-    assert segment_terms(seen[0]).evidence[0] == pytest.approx(whole + PIECE)
 
 
 def test_what_keeps_its_foot_is_steady_though_its_roof_is_hidden_now_and_then():

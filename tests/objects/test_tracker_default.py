@@ -6,7 +6,8 @@ import pytest
 from automos.core.upright_boxes import Boxes
 from automos.objects.bodies import cut_where_two
 from automos.objects.detections import Detections
-from automos.objects.judge import judge_tracks, segment_terms
+from automos.objects.judge import judge_tracks
+from automos.objects.terms import segment_terms
 from automos.objects.tracker import track_objects
 from automos.objects.tracks import of_rows
 from automos.settings import TrackingSettings

@@ -18,10 +18,11 @@ from automos.core.upright_boxes import Boxes
 from automos.objects.bodies import cut_where_two, joined, links_in_time, parts_of_bodies
 from automos.objects.detections import Detections
 from automos.objects.extents import Intervals, Scans, make_whole, shown_intervals
-from automos.objects.judge import SegmentTerms, is_scenery, judge_tracks, moving_now, segment_terms
+from automos.objects.judge import is_scenery, judge_tracks, moving_now
 from automos.objects.object_points import tracks_of_points
 from automos.objects.paper.verdict import judge_by_trajectory, with_speed_as_state
 from automos.objects.places import Places, count_places, held_places, touched_columns
+from automos.objects.terms import SegmentTerms, each_for_itself, segment_terms
 from automos.objects.tracker import can_follow, track_objects
 from automos.objects.tracks import Tracks, observed, of_rows, of_tracks
 from automos.objects.verdict import Verdicts
@@ -155,6 +156,7 @@ def _bodies(scans: Scans, tracks: Tracks, seen: _Seen, workers: int) -> tuple[Tr
     Scenery that has to do with no body is left out.
     """
     stamps = scans.frames.stamps
+    seen.terms[:] = each_for_itself(seen.terms, tracks)
     tracks = cut_where_two(tracks, _judged(tracks, seen, stamps).is_moving, of_rows(tracks, seen.evidence), stamps)
     is_moving = _judged(tracks, seen, stamps).is_moving
     _make_whole(scans, tracks, tracks, is_moving, workers)

@@ -18,7 +18,8 @@ from automos.core.scan import Mask
 from automos.core.upright_boxes import Boxes
 from automos.objects.detections import Detections
 from automos.objects.extents import boxed_intervals, make_whole
-from automos.objects.judge import Past, SegmentTerms, is_scenery, judge_tracks, moving_now, past_of, segment_terms
+from automos.objects.judge import Past, is_scenery, judge_tracks, moving_now, past_of
+from automos.objects.terms import SegmentTerms, each_for_itself, segment_terms
 from automos.objects.tracker import Tracker, can_follow, until_last_seen
 from automos.objects.tracking import MIN_POINTS, MIN_TIME, SCRAP, is_small
 from automos.objects.tracks import Tracks, observed, of_rows
@@ -110,7 +111,7 @@ class Following:
         is_followed = can_follow(stamps)
         tracks, numbers = _through(steps, scan)
         detections = [step.found.segments for step in steps]
-        terms, nothing = [step.terms for step in steps], (-np.inf, 0.0, 0.0)
+        terms, nothing = each_for_itself([step.terms for step in steps], tracks), (-np.inf, 0.0, 0.0)
         past = Past(*np.array([self._past.get(k, nothing) for k in numbers.tolist()]).reshape(-1, len(nothing)).T)
         verdicts = self._judged(tracks, steps, terms, stamps, stamps > stamp - RECENT, past)
         self._forget(tracks, numbers, terms, stamps, past)

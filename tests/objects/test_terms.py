@@ -1,0 +1,87 @@
+"""What the segments of a scan say of whether they have moved."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.special import gammaln
+
+from automos.core.upright_boxes import Boxes
+from automos.objects.detections import Detections
+from automos.objects.terms import (
+    BODY,
+    LEAST_SOLID,
+    MOVED,
+    PIECE,
+    POROUS,
+    STAYED,
+    WRONG,
+    each_for_itself,
+    segment_terms,
+)
+from automos.objects.tracks import Tracks
+
+
+def segments(*counts, part_of=-1, solidity=1.0):
+    """The segments of a scan, each with the numbers of its points, of those that moved and of those that stayed."""
+    n = len(counts)
+    boxes = Boxes(np.zeros((n, 3)), np.ones((n, 3)), np.zeros(n), np.ones(n))
+    found = Detections.of_objects(boxes, *np.array(counts, np.float64).T, solidity=np.full(n, solidity))
+    return replace(found, part_of=np.full(n, part_of, np.int32) if np.isscalar(part_of) else np.array(part_of))
+
+
+def said(*counts, is_asked=True, **about):
+    """The evidence of the first segment."""
+    return segment_terms(segments(*counts, **about), is_asked).evidence[0]
+
+
+def test_the_evidence_of_a_scan_by_hand():
+    def likelihood(prior):
+        a, n = np.array(prior), np.array([30.0, 50.0, 20.0])
+        return gammaln(a.sum()) - gammaln(a.sum() + n.sum()) + (gammaln(a + n) - gammaln(a)).sum()
+
+    moved, stayed = np.exp(likelihood(MOVED)), np.exp(likelihood(STAYED))
+    right = np.log(((1.0 - WRONG) * moved + WRONG * stayed) / ((1.0 - WRONG) * stayed + WRONG * moved))
+    assert said((100, 30, 50)) == pytest.approx(BODY + right)
+
+
+@pytest.mark.parametrize("counts", [(10**7, 0, 10**7), (10**7, 10**7, 0)])
+def test_no_scan_says_more_than_the_odds_of_its_being_wrong(counts):
+    assert abs(said(counts) - BODY) < np.log(1.0 / WRONG)
+
+
+def test_unknown_points_count_only_where_others_were_asked():
+    assert said((100, 0, 0), is_asked=False) == 0.0
+    assert said((100, 0, 0)) != pytest.approx(BODY)
+
+
+def test_what_lets_through_the_rays_that_meet_it_and_pieces_are_seldom_bodies():
+    whole, of_a_face = said((100, 0, 0)), 1.0 - 1.5 / 10.0 + 0.5 / 100.0
+    for solidity, through in ((of_a_face, 0.0), (0.5 * of_a_face, 1.0), (0.0, 1.0 / LEAST_SOLID)):
+        assert said((100, 0, 0), solidity=solidity) == pytest.approx(whole + POROUS * through)
+    assert said((100, 0, 0), (9, 0, 0), part_of=[1, -1]) == pytest.approx(whole + PIECE)
+
+
+PASSED = segments((1000, 300, 700), (300, 300, 0), part_of=[-1, 0])
+"""A parked car and who passes it closely: one segment, and the piece that was cut out of it."""
+
+
+def tracks(*rows):
+    """Rows of track, scan and segment."""
+    columns = np.array(sorted(rows)).T
+    return Tracks.of_segments(*columns, np.zeros(len(rows)))
+
+
+def test_who_passes_a_parked_car_says_nothing_of_it():
+    alone = segments((300, 300, 0))
+    terms = [segment_terms(found) for found in (alone, PASSED, alone)]
+    found = each_for_itself(terms, tracks((0, 1, 0), (1, 0, 0), (1, 1, 1), (1, 2, 0)))
+    assert found[1].evidence[0] == pytest.approx(said((700, 0, 700)))
+    for k, segment in ((0, 0), (1, 1), (2, 0)):
+        assert found[k].evidence[segment] == terms[k].evidence[segment]
+
+
+def test_an_edge_that_is_nothing_but_a_piece_speaks_for_its_whole():
+    terms = [segment_terms(found) for found in (PASSED, PASSED)]
+    found = each_for_itself(terms, tracks((0, 0, 0), (0, 1, 0), (1, 0, 1), (1, 1, 1)))
+    assert [of_scan.evidence.tolist() for of_scan in found] == [of_scan.evidence.tolist() for of_scan in terms]
