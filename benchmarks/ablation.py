@@ -62,7 +62,7 @@ CHOICES: dict[str, dict[str, Any]] = {
     "edges of the body may move": {f"{BODY}:_stays_put": all_constant},
     "grazed faces keep their range": {f"{BODY}:GRAZING": 0.0},
     "within arm's reach all may be objects": {f"{BODY}:NEAR_SHARE": NEVER},
-    "the walk on the ground begins level": {"automos.evidence.ground:PLANE_SHARE": 2.0},
+    "the walk on the ground begins level": {"automos.evidence.ground:PLANE_LEAD": NEVER},
     "objects of 20 m at most": {"instances.components.max_side": 20.0},
     "unsteady things move, too": {f"{JUDGE}:UNSTEADY": 0.0},
     "pieces are as good as wholes": {f"{TERMS}:PIECE": 0.0},

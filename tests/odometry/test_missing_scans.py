@@ -24,7 +24,7 @@ def test_a_step_of_several_lengths_amid_even_ones_is_a_gap(missing):
     lengths[[6, 13, 19]] *= 1 + missing
     expected = np.ones(20)
     expected[[6, 13, 19]] = 1 + missing
-    np.testing.assert_array_equal(find_missing(steps_of(lengths), np.ones(20), 0.1), expected)
+    np.testing.assert_array_equal(find_missing(steps_of(lengths), np.ones(20), 0.1, 3.0), expected)
 
 
 @pytest.mark.parametrize(
@@ -39,14 +39,14 @@ def test_a_step_of_several_lengths_amid_even_ones_is_a_gap(missing):
     ids=["leap", "start", "creeping", "one and a half", "standing"],
 )
 def test_what_no_missing_scan_explains_is_no_gap(lengths):
-    np.testing.assert_array_equal(find_missing(steps_of(lengths), np.ones(20), 0.1), np.ones(20))
+    np.testing.assert_array_equal(find_missing(steps_of(lengths), np.ones(20), 0.1, 3.0), np.ones(20))
 
 
 @pytest.mark.parametrize("refound", [0.0, 2.5])
 def test_what_is_found_again_outweighs_a_registration_that_follows_traffic(refound):
     at_gaps = np.zeros((20, len(TRIED)))
     at_gaps[9, 1] = refound
-    found = find_missing(steps_of(np.full(20, STEP)), np.ones(20), 0.1, at_gaps)
+    found = find_missing(steps_of(np.full(20, STEP)), np.ones(20), 0.1, 3.0, at_gaps)
     assert found[9] == (2.0 if refound else 1.0)
     assert (np.delete(found, 9) == 1.0).all()
 
@@ -56,7 +56,7 @@ def test_what_is_found_again_at_every_step_is_no_gap():
     at_gaps[:, 0] = 2.5
     lengths = np.full(20, STEP)
     lengths[7] = 2.0 * STEP  # a registration that has slipped
-    np.testing.assert_array_equal(find_missing(steps_of(lengths), np.ones(20), 0.1, at_gaps), np.ones(20))
+    np.testing.assert_array_equal(find_missing(steps_of(lengths), np.ones(20), 0.1, 3.0, at_gaps), np.ones(20))
 
 
 def recesses(n=400):
@@ -88,7 +88,7 @@ def test_the_twofold_step_is_found_whatever_the_registration_says():
     shares = shown(lengths, np.full(12, STEP))
     np.testing.assert_array_equal(TRIED[shares.argmax(axis=1)], np.where(lengths > STEP, 2.0, 1.0))
     assert shares.max() <= 3.0
-    found = find_missing(steps_of(np.full(12, STEP)), np.ones(12), 0.1, shares)
+    found = find_missing(steps_of(np.full(12, STEP)), np.ones(12), 0.1, 3.0, shares)
     np.testing.assert_array_equal(found, np.where(lengths > STEP, 2.0, 1.0))
 
 
@@ -112,7 +112,7 @@ def test_a_missing_scan_is_found_where_registrations_are_too_short():
     lengths = np.full(16, STEP)
     lengths[9] = 2.0 * STEP
     window = drive(lengths, np.full(16, 0.6 * STEP))
-    assert (find_missing(window.steps, window.gaps, 0.1) == 1.0).all()
+    assert (find_missing(window.steps, window.gaps, 0.1, 3.0) == 1.0).all()
     found = count_missing(window, OdometrySettings())
     np.testing.assert_array_equal(found, np.where(lengths > STEP, 2.0, 1.0))
 

@@ -20,10 +20,11 @@ from automos.core.scan import Pose, Scan, Sequence
 from automos.odometry.clock import RunningClock, read_clock
 from automos.odometry.followed import TimedScan
 from automos.odometry.links import COARSE
-from automos.odometry.moving_windows import MIN_BEND, WINDOW_SCANS, bend_of
+from automos.odometry.moving_windows import WINDOW_SCANS, bend_of
 from automos.odometry.one_lidar import with_one_lidar
 from automos.odometry.path import Path
 from automos.odometry.point_order import learn_order, sees_all_round
+from automos.odometry.submap import CLOSE
 from automos.odometry.sweep_timing import SweepTiming, recorded_duration
 from automos.odometry.timing import TimingChoice, choose_timing, rear_seam
 from automos.settings import OdometrySettings
@@ -115,7 +116,7 @@ class TimingSearch:
             return
         for n in (len(last),) if path.is_patient else lengths:
             scans = [(timed, poses.get(timed.stamp, T)) for timed, T in last[-n:]]
-            if len(scans) == n and bend_of(np.array([T for _, T in scans])) >= MIN_BEND:
+            if len(scans) == n and bend_of(np.array([T for _, T in scans])) >= CLOSE:
                 self._task = BackgroundTask(DELAY if path.is_patient else n * period)
                 self._task.start(partial(self._find, scans, None if path.is_patient else path.timing), clock.stamp)
                 self._at = clock.stamp + self._pause * period

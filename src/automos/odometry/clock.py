@@ -10,7 +10,7 @@ import numpy as np
 from automos.core.arrays import as_array
 from automos.core.errors import InputError
 from automos.core.geometry import Array
-from automos.core.recording_warnings import USUAL_RATE
+from automos.core.recording_warnings import GAP, USUAL_RATE
 from automos.core.scan import LATEST, Sequence
 from automos.settings import RecordingSettings
 
@@ -62,7 +62,7 @@ class RunningClock:
         if passed > 0.0:  # otherwise out of order
             usual = self.period if self._steps else passed
             self._steps.append(passed)
-            gap = min(passed, max(LONGEST_GAP, usual)) / usual if passed > 1.5 * usual else 1.0
+            gap = min(passed, max(LONGEST_GAP, usual)) / usual if passed > GAP * usual else 1.0
         return self.stamp, gap
 
 
@@ -95,7 +95,7 @@ def read_clock(sequence: Sequence, rate: float | None = None) -> Clock:
             f"{sequence.name}: scan {least + 1} is {steps[least]:g} s after the previous scan (usual period: "
             f"{usual:g} s): stamps must be in seconds and increase; give valid stamps, or none"
         )
-    is_gap = steps > 1.5 * usual
+    is_gap = steps > GAP * usual
     period = float(steps[~is_gap].mean())
     gaps = np.where(is_gap, np.minimum(steps, max(LONGEST_GAP, period)) / period, 1.0)
     return Clock(stamps, period, gaps, given is not None)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from automos.core.cells import turn_of
 from automos.core.kernels import kernel
-from automos.core.scan import Mask, Points, Sequence
+from automos.core.scan import MIN_RANGE, Mask, Points, Sequence
 from automos.odometry.point_order import azimuths, sample_pairs
 
 N_SECTORS = 720
@@ -119,7 +119,7 @@ def _count_directions(points):  # type: ignore[no-untyped-def]
     for i in range(len(points)):
         x, y, z = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
         r = np.sqrt(x * x + y * y + z * z)
-        if 0.1 < r < 1e6:  # never true of NaN
+        if MIN_RANGE < r < 1e6:  # never true of NaN
             sector = min(int(turn_of(points[i, 0], points[i, 1]) * N_DOUBLED), N_DOUBLED - 1)
             height = min(max(int((z / r + 1.0) * (0.5 * N_HEIGHTS)), 0), N_HEIGHTS - 1)
             n[sector] += 1

@@ -22,13 +22,13 @@ from automos.odometry.doubts import doubts, vertical_doubts
 from automos.odometry.elevation import Raised
 from automos.odometry.estimator import Moved, Odometry
 from automos.odometry.links import Consistency, measure_consistency, summarize
-from automos.odometry.motion import greatest_acceleration, step_twists
+from automos.odometry.motion import MIN_POINTS, greatest_acceleration, step_twists
 from automos.odometry.speed import speed_figures
 from automos.odometry.surfels import scan_surfels
 from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.timing import choose_timing
 from automos.odometry.trajectory import Trajectory
-from automos.odometry.vertical import MIN_SURFELS, Level, level_frame
+from automos.odometry.vertical import Level, level_frame
 from automos.odometry.window import Window
 from automos.settings import OdometrySettings
 
@@ -90,7 +90,7 @@ def _find_level(
     """Return the level frame, from a few scans of the recording."""
     ids = np.unique(np.linspace(0, len(sequence) - 1, GROUND_SCANS).round().astype(int)).tolist()
     surfels = {i: scan_surfels(sequence[i], motion[i], timing, settings) for i in ids}
-    used = [i for i in ids if len(surfels[i]) >= MIN_SURFELS]
+    used = [i for i in ids if len(surfels[i]) >= MIN_POINTS]
     return level_frame([(surfels[i].mean, surfels[i].covariance) for i in used], poses[used], settings)
 
 

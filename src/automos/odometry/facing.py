@@ -19,15 +19,13 @@ from automos.core.geometry import Array, inverse
 from automos.core.kernels import kernel
 from automos.core.scan import Pose
 from automos.core.voxels import find_slot
-from automos.odometry.isolated import count_met_again, isolated_points
+from automos.odometry.isolated import CLOSE, count_met_again, isolated_points
 from automos.odometry.motion import signed_distance
-from automos.odometry.submap import VOXEL, Submap, make_submap
-from automos.odometry.surfels import Surfels, key_at_level, level_of, moved
+from automos.odometry.submap import Submap, make_submap, voxel_of
+from automos.odometry.surfels import Surfels, moved
 from automos.odometry.window import Window
 from automos.settings import OdometrySettings
 
-CLOSE = 0.15
-"""Metres between a surfel and a surface it re-observes, at most: errors of unrefined poses are smaller."""
 LEAST_CONSTRAINT = 0.1
 """Squared cosine between a surface's normal and the path from which the surface constrains the position along it."""
 EVIDENCE = 5.0
@@ -51,10 +49,10 @@ STEP = 0.125
 """m/s between speeds tried: 10 cm over the longer baseline."""
 WEIGHTS = np.array([1.0, 1.0, 4.0])
 """Weights of low surfaces, those far beside, and those higher than any vehicle, which cannot be traffic."""
-LANDMARKS = np.array([0.0, 1.0, 1.0])
-"""The same for landmarks only, which cannot be traffic."""
-REVERSE_COST = 0.3
-"""Penalty of driving backwards, as a share of a full score."""
+LANDMARKS = np.array([False, True, True])
+"""Which of these are landmarks, which cannot be traffic: all of them count alike."""
+UNLIKELY = 0.3
+"""Penalty, as a share of a full score, of driving backwards, and of an acceleration of the usual size."""
 MIN_CLEAR_SPEED = 2.0
 """m/s; slower initial estimates may be a mistaken standstill."""
 
@@ -135,7 +133,7 @@ class SpeedScores:
         # Registrations are biased towards standstill, so a clear motion is never much too fast.
         is_slower = self.speeds * np.sign(present) < min_ratio * np.abs(present)
         out[is_slower & (np.abs(present) > MIN_CLEAR_SPEED)] -= 1.0
-        out[:, self.speeds < -STEP] -= REVERSE_COST
+        out[:, self.speeds < -STEP] -= UNLIKELY
         return out
 
 
@@ -197,7 +195,7 @@ def _score(submap, constrains, surfels, T, path, distances, shift, overhead):  #
         for d in range(len(distances)):
             e = distances[d] + times[i] * shift[d]
             x, y, z = x0 + e * direction[0], y0 + e * direction[1], z0 + e * direction[2]
-            slot = find_slot(keys, key_at_level(x, y, z, level_of(x, y, z), 1.0 / VOXEL))
+            slot = find_slot(keys, voxel_of(x, y, z))
             row = rows[slot]
             if keys[slot] == -1 or constrains[row] <= LEAST_CONSTRAINT:
                 continue

@@ -14,12 +14,13 @@ from scipy.spatial import KDTree
 from automos.core.geometry import Array
 from automos.core.scan import Pose
 from automos.odometry.motion import signed_distance
-from automos.odometry.surfels import Surfels, TimedPoints
+from automos.odometry.surfels import SURFEL, Surfels, TimedPoints
 
-ALONE = (3.0, 0.4, 0.4)
+ALONE = (3.0, SURFEL, SURFEL)
 """Metres along the path, across it and in height, to both sides of an isolated point, with no other point."""
-CLOSE, CLOSE_ACROSS = 0.15, 0.3
-"""Metres along the path and perpendicular to it between a point and the one that meets it again, at most."""
+CLOSE = 0.15
+"""Metres along the path between what is observed and what it re-observes, at most, and half of those perpendicular to
+it: errors of unrefined poses are smaller."""
 BIN = 0.05  # metres of the path, resolution at which points are counted
 
 
@@ -52,7 +53,7 @@ def count_met_again(
     second = (there.mean @ T_here_there[:3, :3].T + T_here_there[:3, 3]) @ axes - np.array([1.0, 0.0, 0.0]) * present
     if not len(first) or not len(second):
         return np.zeros(len(distances))
-    found = KDTree(second[:, 1:]).query_ball_tree(KDTree(first[:, 1:]), CLOSE_ACROSS)
+    found = KDTree(second[:, 1:]).query_ball_tree(KDTree(first[:, 1:]), 2.0 * CLOSE)
     j = np.repeat(np.arange(len(found)), [len(rows) for rows in found])
     i = np.concatenate([np.array(rows, int) for rows in found])
     later = share * (there.time[j] - here.time[i])

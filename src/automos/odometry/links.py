@@ -13,7 +13,7 @@ import numpy as np
 from automos.core.geometry import Array, inverse
 from automos.core.parallel import map_in_shares
 from automos.core.scan import Pose, Sequence
-from automos.odometry.motion import step_twists
+from automos.odometry.motion import MIN_STEP, step_twists
 from automos.odometry.submap import NOISE, Fit, Submap, fit_surfels, make_submap
 from automos.odometry.surfels import Surfels, scan_surfels
 from automos.odometry.sweep_timing import SweepTiming
@@ -24,8 +24,6 @@ MIN_MATCHED = 15
 """Surfels of a scan on surfaces of a submap, at least: fewer may all belong to one moving object."""
 SAMPLES, SAMPLE_SECONDS = 3, 2.5
 """Parts of a recording in which poses are checked, and the length of each."""
-MIN_BASELINE = 0.1
-"""Metres over which a disagreement is given in percent; shorter ones are a standing sensor's."""
 
 
 @dataclass(frozen=True)
@@ -223,4 +221,4 @@ def summarize(links: Consistency) -> dict[str, float | None]:
         return dict.fromkeys(names)
     measured = (links.thickness, links.disagreement, links.distance)
     walls, off, along = (float(np.median(of[is_second])) for of in measured)
-    return dict(zip(names, (walls, off, 100.0 * off / along if along > MIN_BASELINE else 0.0), strict=True))
+    return dict(zip(names, (walls, off, 100.0 * off / along if along > MIN_STEP else 0.0), strict=True))

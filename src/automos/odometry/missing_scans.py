@@ -20,6 +20,7 @@ from automos.core.scan import Pose
 from automos.odometry.facing import BESIDE, EVIDENCE, WEIGHTS, facing_surfaces, score_distances, weighed_down
 from automos.odometry.isolated import count_met_again, isolated_points
 from automos.odometry.speed import direction_of, lengthen, to_likely_speed
+from automos.odometry.submap import CLOSE
 from automos.odometry.window import Window
 from automos.settings import OdometrySettings
 
@@ -27,9 +28,7 @@ N_AROUND = 3  # steps on either side that define the usual speed
 TRIED = np.arange(1.0, 7.0)  # hypotheses on the gaps of a step: up to five consecutive missing scans are detected
 LAGS = 2  # steps over which surfaces are re-observed, at most: over more, errors of several steps add up
 ROUNDS = 3  # searches for the speed, at most, each with the gaps that were found at the previous one
-AROUND = 0.1 * np.arange(-2, 3)  # metres around a distance: the speed only approximates that of the steps around
 LEAST_STEP = 0.2  # metres; if steps are usually shorter, double steps cannot be distinguished from single ones
-USUAL_ACCELERATION = 3.0  # m/s², usual change of the speed from scan to scan
 STEP_NOISE = 0.05  # metres, error of a registration from scan to scan
 MISTAKEN = 14.0  # greatest log-odds that a registration contributes: it may follow traffic
 SELDOM, EACH = 8.0, 1.0  # prior log-odds that no scan is missing at a place, and for each further missing scan
@@ -43,7 +42,8 @@ def count_missing(window: Window, settings: OdometrySettings, pool: ThreadPoolEx
     for _ in range(ROUNDS):
         window = to_likely_speed(window, settings, pool)
         refound = refound_after(window, settings.overhead, pool)
-        gaps, before = find_missing(window.steps, given, window.period, refound), window.gaps
+        before = window.gaps
+        gaps = find_missing(window.steps, given, window.period, settings.usual_acceleration, refound)
         if (gaps == before).all():
             break
         window = with_gaps(window, gaps)
@@ -58,7 +58,9 @@ def with_gaps(window: Window, gaps: Array) -> Window:
     return replace(window, gaps=gaps).moved(T)
 
 
-def find_missing(steps: Pose, gaps: Array, period: float, refound: Array | None = None) -> Array:
+def find_missing(
+    steps: Pose, gaps: Array, period: float, usual_acceleration: float, refound: Array | None = None
+) -> Array:
     """Return (N - 1,) the gaps under which the speed changes least and most surfaces are re-observed.
 
     The less the scans before and after agree on the speed, the less a step's length counts.
@@ -68,13 +70,14 @@ def find_missing(steps: Pose, gaps: Array, period: float, refound: Array | None 
     steps : (N - 1, 4, 4) float64, from each scan to the previous one, as registered or at a likely speed.
     gaps : (N - 1,) float64, kept unless another hypothesis is clearly more likely.
     period : float, seconds between scans.
+    usual_acceleration : float, m/s², usual change of the speed from scan to scan.
     refound : (N - 1, 6) float64, optional, re-observed share of surfaces facing along the path, for steps of 1-6 gaps.
 
     Equation: missing
     """
     travelled, found = steps[:, :3, 3], gaps
     rarity = SELDOM + EACH * (TRIED - 1.0)
-    certain = np.hypot(STEP_NOISE, USUAL_ACCELERATION * (period * TRIED) ** 2)
+    certain = np.hypot(STEP_NOISE, usual_acceleration * (period * TRIED) ** 2)
     for _ in range(2):  # neighbouring steps may have gaps, too
         velocity, found = travelled / found[:, None], gaps.copy()
         for k in range(len(travelled)):
@@ -107,6 +110,7 @@ def refound_after(window: Window, overhead: float, pool: ThreadPoolExecutor | No
         return found[: len(steps)]
     # The usual speed, for the other step of a pair as well: a single registered step may be too short.
     single = _usual(steps[:, :3, 3] / window.gaps[:, None]) @ forward
+    around = CLOSE * np.arange(-2, 3)  # metres: the speed only approximates that of the steps around
     alone = cache(lambda i: isolated_points(surfels[i], forward, overhead, BESIDE))
 
     def shares(first: int) -> Array:
@@ -119,7 +123,7 @@ def refound_after(window: Window, overhead: float, pool: ThreadPoolExecutor | No
             each, n = slice(first, last), last - first
             lengths = single[each] * window.gaps[each]
             others = lengths.sum() - lengths
-            distances = (others + single[each] * TRIED[:, None]).T[..., None] + AROUND  # (n, 6, 5)
+            distances = (others + single[each] * TRIED[:, None]).T[..., None] + around  # (n, 6, 5)
             pair, tried = inverse(T[first]) @ T[last], distances.ravel()
             refound = score_distances(submap, surfels[last], pair, forward, tried, window.share / n, overhead)
             refound[1] += count_met_again(alone(first), alone(last), pair, forward, tried, window.share / n)

@@ -15,7 +15,9 @@ from automos.odometry.sweep_timing import SweepTiming, sweep_times
 from automos.settings import OdometrySettings
 
 MIN_POINTS = 50
-"""Usable points that a scan needs for registration."""
+"""Usable points that a scan needs for registration, and surfels for the ground in them."""
+MIN_STEP = 0.1
+"""Metres; over shorter ways there is no direction, and no share of them by which poses disagree."""
 ACCELERATION_SECONDS = 0.5
 """Interval over which accelerations are measured: within shorter ones, a handheld sensor shakes more than a vehicle."""
 MAX_ACCELERATION = 8.0

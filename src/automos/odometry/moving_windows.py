@@ -12,9 +12,10 @@ import numpy as np
 from automos.core.geometry import Array, inverse, se3_log
 from automos.core.scan import Pose, Scan, Sequence
 from automos.odometry.clock import Clock
-from automos.odometry.links import COARSE, MIN_MATCHED, Alignment, Links
+from automos.odometry.links import COARSE, MIN_MATCHED, Links
 from automos.odometry.motion import step_twists
 from automos.odometry.refine import align
+from automos.odometry.submap import CLOSE
 from automos.odometry.surfels import Surfels, scan_surfels
 from automos.odometry.sweep_timing import SweepTiming, azimuth_times
 from automos.odometry.window import NEAR, Window
@@ -27,12 +28,8 @@ PLACES = 7
 """Positions at which a window with motion is searched, at most."""
 WINDOW_SCANS = 16
 """Scans per window: enough for a full turn of a seam that drifts by a tenth of a turn per scan."""
-MIN_BEND = 0.1
-"""Metres by which the motion within a sweep must distort it for a window to be informative."""
 LINKS_OF_A_SCAN = 4
 """Links of one scan, whose errors are correlated."""
-LEAST_LINKS = 8
-"""Links of a window that must match enough surfaces for it to be informative."""
 GAIN = 0.01
 """By which the misfit, a logarithm, must be less than that of the first hypothesis. A wrong timing makes walls thicker
 by as much as the right one makes them thinner, so the sign of the difference decides, however uncertain it is."""
@@ -45,7 +42,7 @@ CLEAR_ERRORS = (4.0, 2.0)
 """Standard errors between the best and every hypothesis of another kind from which no more windows are needed: at
 first, and after `WINDOWS` windows. By the latter, a hypothesis must be better than an assumed one."""
 
-ON_NEIGHBOURS = Alignment((0.5, 0.3), noise=0.05, lags=(0.1, 0.2), submap_every=0.1, submap_length=0.0, max_surfels=600)
+ON_NEIGHBOURS = replace(COARSE, kernels=(0.5, 0.3), lags=(0.1, 0.2), submap_every=0.1, submap_length=0.0)
 """Each scan with its neighbours: adapts their steps to the times of a hypothesis, by up to half a metre."""
 
 
@@ -86,7 +83,7 @@ def moving_windows(
         surfels = _surfels_of(scans, at_rest, SweepTiming(), settings, each)
         gaps = clock.gaps[first : first + length - 1]
         rough = Window(surfels, at_rest, poses[first : first + length], gaps, clock.period, 0.0)
-        if bend_of(rough.T_world_sensor) < MIN_BEND:
+        if bend_of(rough.T_world_sensor) < CLOSE:  # less than inliers are off
             continue
         by_source: dict[str, Window] = {"none": rough}
         for timing in from_points:
@@ -188,7 +185,7 @@ class Search:
         if not guesses:
             return None
         found = self._evaluate(guesses, is_rough=False)
-        if np.isfinite(found).sum(axis=1).max() < LEAST_LINKS:
+        if np.isfinite(found).sum(axis=1).max() < WINDOW_SCANS // 2:  # links that match enough surfaces
             self.is_clear = False
             return None
         mean, error = _compare(found, found[0])

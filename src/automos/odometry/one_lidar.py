@@ -7,9 +7,7 @@ import numpy as np
 from automos.core.arrays import evenly_spread
 from automos.core.scan import Pose, Scan, Sequence
 from automos.core.views import View
-
-SAMPLES = 5
-"""Scans in which the points of each LiDAR are counted."""
+from automos.odometry.point_order import SAMPLES
 
 
 class OneLidar(View):

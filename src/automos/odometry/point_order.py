@@ -15,20 +15,20 @@ import numpy.typing as npt
 from automos.core.arrays import evenly_spread
 from automos.core.geometry import Array
 from automos.core.kernels import kernel
-from automos.core.scan import Mask, Points, Scan, Sequence
+from automos.core.scan import MIN_RANGE, Mask, Points, Scan, Sequence
 
 N_BLOCKS = 400
 """Blocks of a scan: small enough for the time of a point, large enough to contain every beam."""
 MIN_BLOCK = 128
 """Points per block, at least: azimuth offsets of beams must average out."""
 SAMPLES = 5
-"""Pairs of neighbouring scans from which the order of a recording is learnt."""
+"""Scans, or pairs of neighbouring ones, from which it is learnt how a recording was made."""
 SECTORS, ALL_ROUND = 36, 30
 """Sectors of azimuth, and in how many a sensor that spins about its z axis has points."""
 MIN_CONCENTRATION = 0.9
 """Length of the mean direction within a block, at least: 1 if all azimuths agree, 0 if the file is shuffled."""
-MIN_STEADY = 0.95
-"""Share of blocks that must advance in the overall direction."""
+NEARLY_ALL = 0.95
+"""Share of blocks that must advance in the overall direction, and of points on which two timings must agree."""
 FIXED = 0.005
 """Turns by which a fixed start may drift from one scan to the next."""
 NOISE = 0.1
@@ -92,7 +92,7 @@ def sees_all_round(sequence: Sequence) -> bool:
 def azimuths(points: Points) -> tuple[Mask, Array]:
     """Return which of `points` (N, 3) are seen in a direction, and the azimuths of these in turns, in [-0.5, 0.5]."""
     x, y = points[:, :2].astype(np.float64).T
-    is_seen = (x * x + y * y > 0.01) & (x * x + y * y < 1e12)  # never true of NaN
+    is_seen = (x * x + y * y > MIN_RANGE**2) & (x * x + y * y < 1e12)  # never true of NaN
     return is_seen, np.arctan2(y[is_seen], x[is_seen]) / (2.0 * np.pi)
 
 
@@ -122,7 +122,7 @@ def _read(scan: Scan) -> tuple[int, float, float] | None:
         return None
     steps = np.diff(azimuth[is_known]) - np.round(np.diff(azimuth[is_known]))
     turn = 1 if steps.sum() > 0.0 else -1
-    if np.median(concentration[is_known]) > MIN_CONCENTRATION and np.mean(turn * steps > 0.0) > MIN_STEADY:
+    if np.median(concentration[is_known]) > MIN_CONCENTRATION and np.mean(turn * steps > 0.0) > NEARLY_ALL:
         whole = _at_points(_unwrap(azimuth, turn), block, len(scan))
         if TURNS[0] < whole[-1] < TURNS[1]:
             first = azimuth[is_known][0] - turn * whole[np.flatnonzero(is_known)[0] * block + block // 2]
@@ -178,7 +178,7 @@ def _block_azimuths(points, block):  # type: ignore[no-untyped-def]
         for i in range(b * block, min((b + 1) * block, len(points))):
             x, y = float(points[i, 0]), float(points[i, 1])
             r = np.sqrt(x * x + y * y)
-            if 0.1 < r < 1e6:  # never true of NaN
+            if MIN_RANGE < r < 1e6:  # never true of NaN
                 sx += x / r
                 sy += y / r
                 n += 1

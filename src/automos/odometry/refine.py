@@ -25,7 +25,6 @@ from automos.settings import OdometrySettings
 INFORMATION = 0.05
 """Share of a surfel's weight that counts, since errors of neighbouring surfels are correlated."""
 LOOSE = 1e-3  # prior information on every pose, which keeps scans without links in place
-FITTING = 0.5  # of the share of surfels on surfaces elsewhere, from which on a speed fits
 SPEED_ROUNDS = 5  # searches for the speed, at most, each from the poses of the previous one
 FIRST_STEPS = np.concatenate([s * np.vstack([np.eye(6)[:2], -np.eye(6)[:2]]) for s in (0.4, 0.8, 1.2, 1.8, 2.5)])
 """Metres along the sensor's axes to the second scan: a registration that starts at rest may stay there."""
@@ -107,7 +106,8 @@ def at_likely_speed(
     """Return the window at the speed that surfaces along the path or landmarks favour, and the last search.
 
     Surfaces around a wrong speed may lead nowhere, so it is searched from a standstill, too. Of so many speeds,
-    landmarks favour some by chance, so scans have to fit at that one. The first `n_known` scans keep their poses.
+    landmarks favour some by chance, so scans have to fit at that one at least half as well. The first `n_known` scans
+    keep their poses.
     """
     at_rest = window.T_world_sensor.copy()
     at_rest[n_known:, :3, 3] = at_rest[n_known - 1, :3, 3]
@@ -117,7 +117,7 @@ def at_likely_speed(
     if first.landmarks_at_rival.lead_over(search.landmarks) > 0.0:
         other, there = _at_likely_speed(still, settings, pool, n_known, first)
         is_ahead_from_rest = other is not still and there.landmarks.explains_more_than(search.landmarks)
-        if is_ahead_from_rest and _share(other, pool) >= FITTING * _share(found, pool):
+        if is_ahead_from_rest and _share(other, pool) >= 0.5 * _share(found, pool):
             return other, there
     return found, search  # at rest, rings lie on rings
 

@@ -12,11 +12,9 @@ from automos.odometry.links import Consistency, Links
 from automos.odometry.missing_scans import count_missing, with_gaps
 from automos.odometry.refine import at_likely_speed, refine_poses
 from automos.odometry.speed import SpeedSearch
+from automos.odometry.submap import NOISE
 from automos.odometry.window import Window
 from automos.settings import OdometrySettings
-
-OTHER_SPEED = 0.03
-"""Metres per scan from which two speeds are different."""
 
 
 class Settled(NamedTuple):
@@ -55,7 +53,10 @@ def elevation_in(window: Window, pool: ThreadPoolExecutor | None) -> float:
 
 
 def at_another_speed(window: Window, settings: OdometrySettings) -> Window | None:
-    """Return the scans at another speed, None if there is none that is clearly better; the first keeps its pose."""
+    """Return the scans at another speed, None if there is none that is clearly better; the first keeps its pose.
+
+    Speeds that differ by less than the noise of a surface from scan to scan are the same.
+    """
     found, _ = at_likely_speed(window, settings, None)
     change = np.linalg.norm((found.steps - window.steps)[:, :3, 3], axis=1) / window.gaps
-    return found if change.max(initial=0.0) >= OTHER_SPEED else None
+    return found if change.max(initial=0.0) >= NOISE else None

@@ -20,18 +20,23 @@ import numpy.typing as npt
 
 from automos.core.geometry import Array
 from automos.core.scan import Mask, Pose
-from automos.odometry.facing import LAGS, LANDMARKS, STEP, SpeedScores, expected_share, is_stationary, score_speeds
+from automos.odometry.facing import (
+    LAGS,
+    LANDMARKS,
+    STEP,
+    UNLIKELY,
+    SpeedScores,
+    expected_share,
+    is_stationary,
+    score_speeds,
+)
+from automos.odometry.motion import MIN_STEP
 from automos.odometry.window import Window
 from automos.settings import OdometrySettings
 
-PRIOR = 0.2
-"""Prior of the registration's own speed, as a share of a full score."""
 GAIN = 0.2
-"""Share by which the score of another speed must be higher."""
-ACCELERATION_COST = 0.3
-"""Penalty of an acceleration of the usual size, as a share of a full score."""
+"""Share of a full score by which that of another speed must be higher, and prior of the registration's own speed."""
 MIN_RATIO = 0.8  # least ratio of the true speed to the initial estimate
-MIN_STEP = 0.1  # metres; shorter steps have no direction
 MIN_STRAIGHTNESS = 0.8
 """Least agreement of steps on a direction in the sensor's frame, 0 to 1."""
 OTHER_SPEED = 1.0  # m/s from which two speeds are considered different
@@ -67,7 +72,7 @@ class Landmarks(NamedTuple):
     def lead_over(self, other: Landmarks) -> float:
         """Return the lead in evidence where speeds differ, in standard deviations of the counts (Anscombe)."""
         differ = np.abs(self.speeds - other.speeds) >= OTHER_SPEED
-        here, there = np.sqrt(np.array([self._evidence(differ), other._evidence(differ)]) + 0.375)
+        here, there = np.sqrt(np.array([self._evidence(differ), other._evidence(differ)]) + 3.0 / 8.0)
         return float(np.sqrt(2.0) * (here - there))
 
     def _evidence(self, places: Mask) -> float:
@@ -76,7 +81,7 @@ class Landmarks(NamedTuple):
         return float(max(refound - max(expected - refound, 0.0), 0.0))
 
 
-NOTHING = Landmarks(np.zeros(0), np.zeros(0), np.zeros(0))
+NOTHING = Landmarks(*np.zeros((3, 0)))
 """The result without any places."""
 
 
@@ -167,7 +172,7 @@ def _follow_speed(
         return nothing, 0.0
     penalised = scores.with_priors(scores.by_all, MIN_RATIO)
     is_present = np.abs(speeds - present[:, None]) < 1.5 * STEP
-    lead = 0.0 if is_guess else PRIOR  # no prior for a mistaken standstill
+    lead = 0.0 if is_guess else GAIN  # no prior for a mistaken standstill
     path = _best_path(penalised + lead * is_present, speeds, scores.times, settings.usual_acceleration)
     gain = penalised[rows, path] - penalised[rows, nearest]
     is_better = gain > GAIN
@@ -217,7 +222,7 @@ def direction_of(steps: Pose) -> Array | None:
 def _best_path(scores: Array, speeds: Array, times: Array, usual_acceleration: float) -> npt.NDArray[np.int64]:
     """Return (M,) columns of `scores` (M, S) with the greatest sum, minus the cost of accelerations between them."""
     best, came_from, rows = scores[0].copy(), [], np.arange(len(speeds))
-    change = ACCELERATION_COST * ((speeds[:, None] - speeds[None, :]) / usual_acceleration) ** 2  # (to, from)
+    change = UNLIKELY * ((speeds[:, None] - speeds[None, :]) / usual_acceleration) ** 2  # (to, from)
     for row in range(1, len(scores)):
         total = best - change / (times[row] - times[row - 1]) ** 2
         came_from.append(np.argmax(total, axis=1))

@@ -19,10 +19,8 @@ from automos.core.geometry import Array
 from automos.core.kernels import kernel
 from automos.core.scan import Points, Pose
 from automos.core.voxels import find_slot
-from automos.odometry.surfels import Surfels, key_at_level, level_of, moved
+from automos.odometry.surfels import SURFEL, Surfels, key_at_level, level_of, moved
 
-VOXEL = 0.8
-"""Metres, edge of a voxel within `surfels.NEAR`, doubling with distance: two surfels wide, to contain a plane."""
 NOISE = 0.03
 """Metres, deviation of a surfel on a perfect surface: range noise of usual sensors."""
 CLOSE = 0.1
@@ -114,18 +112,23 @@ def _beyond_noise(H: Array, g: Array, noise: Array) -> tuple[Array, Array]:
 
 
 @kernel
+def voxel_of(x, y, z):  # type: ignore[no-untyped-def]
+    """Return the int64 key of the voxel at a position: two surfels wide, to contain a plane."""
+    return key_at_level(x, y, z, level_of(x, y, z), 0.5 / SURFEL)
+
+
+@kernel
 def _add_surfels(mean, covariance, count, T, keys, rows, sums, m):  # type: ignore[no-untyped-def]
     """Add weighted moments (1, mean, mean mean^T + covariance) to each voxel; `sums` is empty from row `m` on.
 
     Written without loops, which takes half the time.
     """
-    inverse_voxel = 1.0 / VOXEL
     r00, r01, r02 = T[0, 0], T[0, 1], T[0, 2]
     r10, r11, r12 = T[1, 0], T[1, 1], T[1, 2]
     r20, r21, r22 = T[2, 0], T[2, 1], T[2, 2]
     for i in range(len(mean)):
         x, y, z = moved(T, mean[i])
-        key = key_at_level(x, y, z, level_of(x, y, z), inverse_voxel)
+        key = voxel_of(x, y, z)
         slot = find_slot(keys, key)
         if keys[slot] == -1:
             keys[slot], rows[slot] = key, m
@@ -170,7 +173,7 @@ def _shape_voxels(sums):  # type: ignore[no-untyped-def]
         c[0], c[1], c[2] = row[4] * w - x * x, row[5] * w - x * y, row[6] * w - x * z
         c[3], c[4], c[5] = row[7] * w - y * y, row[8] * w - y * z, row[9] * w - z * z
         low, middle, high = eigenvalues(c)
-        wide = (0.12 * VOXEL * (1 << level_of(x, y, z))) ** 2
+        wide = (0.12 * 2.0 * SURFEL * (1 << level_of(x, y, z))) ** 2
         turn = 1.0
         if middle > wide:
             if low < 0.1 * middle:  # a plane
@@ -208,11 +211,11 @@ def _fit(submap, points, covariance, T, limits, H, g, noise_of_H):  # type: igno
     """Add to `g` and the lower triangles of `H` and its noise; return matched and close surfels, and the thickness."""
     (keys, rows, mean, axes, variance), (kernel, noise) = submap, limits
     n_matched, n_close, squares, weights = 0, 0, 0.0, 0.0
-    inverse_voxel, R, n = 1.0 / VOXEL, T[:3, :3], len(g)
+    R, n = T[:3, :3], len(g)
     J, a = np.empty(7), np.empty(3)
     for i in range(len(points)):
         x, y, z = moved(T, points[i])
-        slot = find_slot(keys, key_at_level(x, y, z, level_of(x, y, z), inverse_voxel))
+        slot = find_slot(keys, voxel_of(x, y, z))
         row = rows[slot]
         if keys[slot] == -1 or variance[row, 0] < 0.0:
             continue

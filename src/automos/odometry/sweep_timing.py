@@ -13,14 +13,13 @@ import numpy.typing as npt
 
 from automos.core.scan import Points, Scan
 from automos.odometry.drifting_seam import drifting_times, turns_from
-from automos.odometry.point_order import PointOrder, turns_since_start
+from automos.odometry.point_order import NEARLY_ALL, PointOrder, turns_since_start
 
 LONGEST_SWEEP = 1e4
 """Seconds; larger values are not times within a sweep: the slowest surveying scanners take minutes."""
 SAME_TIME = 0.02
-"""Share of the time between scans by which two consistent timings of a point may differ."""
-MOSTLY = 0.95
-"""Share of a scan's points for which two timings must agree."""
+"""Share of the time between scans by which two consistent timings of a point may differ; and turns that a scan may be
+more or less than one, before the motion on which raw scans agree is clearly wrong."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +60,7 @@ class SweepTiming:
         if here is None or there is None:
             return False
         off = np.abs(self.share * here - other.share * there)[scan.is_valid]
-        return len(off) > 0 and bool((off < SAME_TIME).mean() > MOSTLY)
+        return len(off) > 0 and bool((off < SAME_TIME).mean() > NEARLY_ALL)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain numbers and text, for `from_dict`."""

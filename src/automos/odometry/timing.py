@@ -20,7 +20,7 @@ from automos.odometry.drifting_seam import learn_drifting_seam
 from automos.odometry.moving_windows import WINDOWS, Search, moving_windows
 from automos.odometry.one_lidar import with_one_lidar
 from automos.odometry.point_order import learn_order, sees_all_round
-from automos.odometry.sweep_timing import SweepTiming, recorded_duration
+from automos.odometry.sweep_timing import SAME_TIME, SweepTiming, recorded_duration
 from automos.settings import OdometrySettings
 
 _log = logging.getLogger(__name__)
@@ -32,8 +32,6 @@ USUAL_PERIODS = (0.1, 0.05)
 """Seconds, common rotation periods of sensors."""
 AT_A_STEADY_RATE = SweepTiming("index", share=1.0)
 """Of a sensor without a rotating head, whose azimuth does not advance: points are appended as they are measured."""
-PART_OF_A_TURN = 0.02
-"""Turns per scan more or less than one from which the motion on which raw scans agree is clearly wrong."""
 N_LIKELY = 3
 """Seams that are compared in detail."""
 
@@ -85,7 +83,7 @@ def choose_timing(
     is_round = sees_all_round(sequence)
     is_by_azimuth = is_round and all(timing.source != "order" for timing in timed)
     drifting = _drifting_timings(sequence) if is_by_azimuth else []
-    is_cut = any(abs(timing.turns_per_scan - 1.0) > PART_OF_A_TURN for timing in [*timed, *drifting])
+    is_cut = any(abs(timing.turns_per_scan - 1.0) > SAME_TIME for timing in [*timed, *drifting])
     if len(timed) == 2 and timed[0].agrees_with(timed[1], sequence[len(sequence) // 2]):
         timed = timed[:1]
     steady = [] if timed or is_round else [AT_A_STEADY_RATE]
@@ -154,7 +152,7 @@ def _shares(timing: SweepTiming, clock: Clock) -> list[float]:
 
 def rear_seam() -> SweepTiming:
     """Return the most common timing of a rotating sensor: clockwise, with the seam at the rear."""
-    return SweepTiming("azimuth", turn=-1, seam_deg=SEAMS_DEG[0], share=1.0)
+    return CIRCLE[0]
 
 
 def _recorded_timings(sequence: Sequence, from_file: SweepTiming | None, wanted: str) -> list[SweepTiming]:

@@ -12,15 +12,13 @@ import numpy.typing as npt
 from automos.core.errors import InputError
 from automos.core.geometry import Array
 from automos.core.scan import Frame, Mask, Pose, Scan, Sequence
+from automos.odometry.clock import SHORTEST_PERIOD
 from automos.odometry.compensation import frame_of
 from automos.odometry.elevation import raised_scan
 from automos.odometry.sweep_timing import SweepTiming
 
 ARRAYS = ("T_world_sensor", "stamps", "sweep_motion", "T_level_world")
 """Attributes of a trajectory that are arrays, as they are stored."""
-REPEAT_DELAY = 1e-3
-"""Seconds by which a repeated scan is stamped later than the one before, because stamps must increase; less if many
-would reach beyond the next distinct one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,11 +64,15 @@ class Trajectory:
         return self.T_level_world @ self.T_world_sensor
 
     def with_repeats(self, is_repeat: Mask) -> Trajectory:
-        """Return the trajectory of all N scans from this one of the distinct ones: a repeat has the original's pose."""
+        """Return the trajectory of all N scans from this one of the distinct ones: a repeat has the original's pose.
+
+        It is stamped later than the one before by the shortest period, because stamps must increase; by less if many
+        would reach beyond the next distinct one.
+        """
         row = np.cumsum(~is_repeat) - 1
         nth = np.arange(len(row)) - np.flatnonzero(~is_repeat)[row]  # 0 for a distinct scan, 1 for its first repeat
         gaps = np.diff(self.stamps, append=self.stamps[-1] + 1.0)
-        delay = np.minimum(REPEAT_DELAY, 0.5 * gaps / np.bincount(row))
+        delay = np.minimum(SHORTEST_PERIOD, 0.5 * gaps / np.bincount(row))
         return replace(
             self,
             T_world_sensor=self.T_world_sensor[row],

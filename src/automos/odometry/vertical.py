@@ -17,13 +17,13 @@ from automos.core.covariances import variance_along
 from automos.core.geometry import Array, inverse, make_transform, rotation_between, transform
 from automos.core.kernels import kernel
 from automos.core.scan import Points, Pose
+from automos.odometry.motion import MIN_POINTS
+from automos.odometry.surfels import NEAR
 from automos.settings import OdometrySettings
 
 Shapes = tuple[Points, npt.NDArray[np.float32]]
 """Of the surfels of a scan: means (n, 3), metres, and covariances (n, 6), xx, xy, xz, yy, yz, zz."""
 
-RANGE = 20.0
-"""Metres around the sensor in which the ground is searched: farther away, its slope may differ."""
 TRIALS = 1000
 """Planes through three surfels that are tried: if a fifth of the surface is ground, eight of them lie on it."""
 DISTANCE = 0.15
@@ -34,10 +34,8 @@ STANDING = 1.0
 """Metres above a plane in which things stand on it."""
 SHARE = 0.1
 """Least share of the near surface that must be ground."""
-MIN_SURFELS = 50
-"""Surfels in which the ground is searched, at least."""
 UPRIGHT_DEG = 25.0
-"""Degrees, usual tilt of a sensor at most."""
+"""Degrees, usual tilt of a sensor at most, and of the ground to the plane that it is found with."""
 UNUSUAL = 0.5
 """Prior of every other orientation, relative to an upright one."""
 
@@ -51,7 +49,7 @@ class Level(NamedTuple):
 
 
 def level_frame(scans: list[Shapes], poses: Pose, settings: OdometrySettings) -> Level:
-    """Return the level frame of a recording.
+    """Return the level frame of a recording, from what is near the sensor: farther away, the slope may differ.
 
     Parameters
     ----------
@@ -59,9 +57,9 @@ def level_frame(scans: list[Shapes], poses: Pose, settings: OdometrySettings) ->
     poses : (M, 4, 4) their T_world_sensor.
     settings : OdometrySettings
     """
-    rows = [np.einsum("ij,ij->i", mean, mean) < RANGE * RANGE for mean, _ in scans]
+    rows = [np.einsum("ij,ij->i", mean, mean) < NEAR * NEAR for mean, _ in scans]
     near = [(mean[keep], covariance[keep]) for (mean, covariance), keep in zip(scans, rows, strict=True)]
-    if sum(len(mean) for mean, _ in near) < MIN_SURFELS:
+    if sum(len(mean) for mean, _ in near) < MIN_POINTS:
         return Level(np.eye(4), False, False)
     mean, covariance = (np.concatenate(part).astype(np.float64) for part in zip(*near, strict=True))
     mount, is_doubtful = _find_plane(mean, covariance, settings)  # common to most scans: the mounting of the sensor
@@ -159,12 +157,12 @@ def _fit_plane(points: Array, covariance: Array, plane: Array) -> Array:
     for reach in (4.0, 2.0, 1.0, 1.0):
         residual = lying @ plane[:3] + plane[3]
         near = lying[np.abs(residual) < reach * DISTANCE]
-        if len(near) < MIN_SURFELS:
+        if len(near) < MIN_POINTS:
             return plane
         centre = near.mean(axis=0)
         _, vectors = np.linalg.eigh(np.cov((near - centre).T))
         normal = vectors[:, 0] * np.sign(vectors[:, 0] @ plane[:3])
-        if normal @ plane[:3] < 0.9:
+        if normal @ plane[:3] < np.cos(np.radians(UPRIGHT_DEG)):
             return plane
         plane = np.append(normal, -normal @ centre)
     return plane

@@ -9,9 +9,10 @@ import numpy as np
 from automos.core.geometry import Array, inverse
 from automos.core.scan import Mask, Pose
 from automos.odometry.motion import step_twists
+from automos.odometry.submap import NOISE
 from automos.odometry.surfels import Surfels
 
-SAME_POSE = 0.003
+SAME_POSE = NOISE / 10.0
 """Metres within which poses are the same, a tenth of a surfel's noise: iterations end, and what was computed stays."""
 NEAR = 15.0
 """Metres, distance of typical walls: weight of a rotation relative to a translation."""

@@ -14,17 +14,17 @@ import numpy.typing as npt
 from automos.core.geometry import inverse, make_transform, se3_exp, se3_log, transform
 from automos.core.scan import Frames, Points, Pose
 from automos.core.voxels import rows_of_first_in_voxel
-from automos.odometry.loops.places import compare_places, describe_place
+from automos.odometry.loops.places import GROUND, compare_places, describe_place, ground_of
 from automos.odometry.loops.pose_graph import Edges, solve_pose_graph
+from automos.odometry.motion import MIN_POINTS
 from automos.odometry.trajectory import Trajectory
 from automos.settings import LoopSettings
 
 Array = npt.NDArray[np.float64]
 
-PLACE_EVERY = 5.0
-"""Metres travelled between places."""
-PLACE_LENGTH, PLACE_SCANS = 10.0, 5
-"""Metres of path that describe a place, and scans along them: later scans fill the gaps between beams."""
+PLACE_EVERY, PLACE_SCANS = 5.0, 5
+"""Metres travelled from a place to the next, and scans along the path between its neighbours, which describe it: later
+scans fill the gaps between beams."""
 RINGS, SECTORS = 20, 60
 """Of a place's description (as in Scan Context)."""
 VOXEL = 0.5
@@ -37,10 +37,8 @@ MAX_DIFFERENCE = 0.4
 """Between descriptions of similar places, 0 to 1; registration then decides."""
 CANDIDATES = 3
 """Places tried for each, most similar first."""
-REGISTRATION_DISTANCES = (8.0, 3.0, 1.0)
+REGISTRATION_DISTANCES = (MAX_OFFSET, 3.0, 1.0)
 """Metres, one registration each: correspondences further apart are rejected."""
-MIN_POINTS = 100
-"""Points above the ground needed to measure an overlap."""
 DRIFT, TURN_DRIFT_DEG = 0.05, 0.1
 """Metres and degrees over 10 m, usual drift of the odometry."""
 DEVIATION, TURN_DEVIATION_DEG = 0.03, 0.05
@@ -59,7 +57,7 @@ def close_loops(frames: Frames, trajectory: Trajectory, loops: LoopSettings) -> 
     T_level_place = np.array([_upright(T) for T in trajectory.T_level_sensor[middles]])
 
     def cloud_at(place: int) -> Points:
-        ids = np.flatnonzero(np.abs(path - path[middles[place]]) <= 0.5 * PLACE_LENGTH)
+        ids = np.flatnonzero(np.abs(path - path[middles[place]]) <= PLACE_EVERY)
         ids = ids[np.unique(np.linspace(0, len(ids) - 1, PLACE_SCANS).round().astype(int))]
         clouds = []
         for i in ids:
@@ -124,7 +122,7 @@ def _verify(first: Points, second: Points, turn: float, loops: LoopSettings) -> 
     source, _ = small_gicp.preprocess_points(second.astype(np.float64), downsampling_resolution=VOXEL)
     for distance in REGISTRATION_DISTANCES:
         T = small_gicp.align(
-            target, source, tree, T, registration_type="GICP", max_correspondence_distance=distance, max_iterations=30
+            target, source, tree, T, registration_type="GICP", max_correspondence_distance=distance
         ).T_target_source
     forth = _share_close(first, transform(T, second), loops)
     back = _share_close(second, transform(inverse(T), first), loops)
@@ -135,9 +133,8 @@ def _share_close(cloud: Points, points: Points, loops: LoopSettings) -> float:
     """Return the share of `points` close to `cloud`, of those above the ground and well within its reach."""
     from scipy.spatial import KDTree
 
-    ground = np.percentile(cloud[:, 2], 5.0)
     is_inside = np.einsum("ij,ij->i", points, points) < (0.7 * loops.reach) ** 2
-    checked = points[is_inside & (points[:, 2] > ground + VOXEL)]
+    checked = points[is_inside & (points[:, 2] > ground_of(cloud[:, 2]) + GROUND)]
     if len(checked) < MIN_POINTS:
         return 0.0
     distance, _ = KDTree(cloud, balanced_tree=False, compact_nodes=False).query(checked, distance_upper_bound=VOXEL)

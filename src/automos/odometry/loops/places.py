@@ -35,9 +35,13 @@ def describe_place(points: Points, reach: float, rings: int, sectors: int) -> Ar
     sector = np.minimum((angle * sectors).astype(int), sectors - 1)
     highest = np.full(rings * sectors, -np.inf)
     np.maximum.at(highest, ring * sectors + sector, z[is_near])
-    ground = np.percentile(z[is_near], 5.0)
-    height = highest - ground
+    height = highest - ground_of(z[is_near])
     return np.where(height > GROUND, height, 0.0).reshape(rings, sectors)
+
+
+def ground_of(z: Array) -> float:
+    """Return the height of the ground among those of points, `z` (N,), metres: hardly any are below it."""
+    return float(np.percentile(z, 5.0))
 
 
 def compare_places(a: Array, b: Array) -> tuple[float, float]:
