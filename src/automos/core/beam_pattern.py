@@ -216,10 +216,10 @@ def _row_density(angles: list[Array], step: float | None, kept: float) -> tuple[
     with np.errstate(invalid="ignore", divide="ignore"):  # the caller checks that it is finite
         density /= full
         # Motion that cannot be undone smears angles into the gaps between beams; a sector's total is unchanged.
-        density *= min(1.0, np.percentile(per_bin.sum(axis=0), 95) / full / density.sum())
+        density *= min(1.0, _in_most(per_bin) / full / density.sum())
     # A beam apart from others is one: a lens beside the axis makes rays less steep close by, which smears it.
     for a, b in _runs(density > 0.0):
-        beams = round(float(np.percentile(per_bin[a:b].sum(axis=0), 95)) / full)
+        beams = round(_in_most(per_bin[a:b]) / full)
         if beams == 1:
             density[a:b] /= density[a:b].sum()
     # Long runs of empty bins (beams into the sky) get the mean density, so that rows keep their spacing there.
@@ -228,6 +228,11 @@ def _row_density(angles: list[Array], step: float | None, kept: float) -> tuple[
         if (b - a) * _ELEVATION_BIN > _LONGEST_GAP:
             density[a:b] = mean
     return density, low + _ELEVATION_BIN * np.arange(n_bins + 1)
+
+
+def _in_most(bins: Array) -> float:
+    """Return the rays in some bins (B, S) of a sector that is full; in a few of the S there may be more."""
+    return float(np.percentile(bins.sum(axis=0), 95))
 
 
 def _runs(flags: npt.NDArray[np.bool_]) -> npt.NDArray[np.intp]:

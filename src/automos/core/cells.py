@@ -20,6 +20,12 @@ def sine_bin(z, r, n_bins):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def _below_one(turn):  # type: ignore[no-untyped-def]
+    """Return `turn` within [0, 1), 0 for NaN."""
+    return min(turn, np.float32(0.9999999)) if turn > np.float32(0.0) else np.float32(0.0)
+
+
+@kernel
 def turn_of(x, y):  # type: ignore[no-untyped-def]
     """Return the azimuth of (x, y) as a fraction of a turn, in [0, 1), 0 at -pi, accurate to 1e-5 rad."""
     ax, ay = abs(x), abs(y)
@@ -30,11 +36,11 @@ def turn_of(x, y):  # type: ignore[no-untyped-def]
     angle = angle * s + np.float32(0.19354346)
     angle = angle * s - np.float32(0.33262347)
     angle = (angle * s + np.float32(0.99997726)) * a
-    angle = np.float32(1.5707964) - angle if ay > ax else angle
-    angle = np.float32(3.1415927) - angle if x < np.float32(0.0) else angle
+    angle = np.float32(0.5 * np.pi) - angle if ay > ax else angle
+    angle = np.float32(np.pi) - angle if x < np.float32(0.0) else angle
     angle = -angle if y < np.float32(0.0) else angle
-    turn = angle * np.float32(0.15915494) + np.float32(0.5)
-    return min(turn, np.float32(0.9999999)) if turn > np.float32(0.0) else np.float32(0.0)  # 0 for NaN
+    turn = angle * np.float32(0.5 / np.pi) + np.float32(0.5)
+    return _below_one(turn)
 
 
 @kernel
@@ -42,4 +48,4 @@ def rough_turn_of(x, y):  # type: ignore[no-untyped-def]
     """Return a number in [0, 1) that increases with the azimuth of (x, y) from -pi; cheaper than `turn_of`."""
     share = np.float32(0.25) * (np.float32(1.0) - x / max(abs(x) + abs(y), np.float32(1e-9)))  # 0 ahead, 0.5 behind
     turn = np.float32(0.5) + share if y >= np.float32(0.0) else np.float32(0.5) - share
-    return min(turn, np.float32(0.9999999)) if turn > np.float32(0.0) else np.float32(0.0)
+    return _below_one(turn)

@@ -15,7 +15,6 @@ from automos.core.scan import Frame, Mask, Points
 MIN_POINTS = 100  # least number of points of a scan that anything is learnt from
 N_DIRECTIONS = 360  # azimuth directions for which the time in the sweep is known
 _STEPS = 64  # parts of a sweep, each with its own pose: sweeps turn by a few degrees, an error under 1 cm at 50 m
-_SAME_LOOK = 0.5  # share of a sweep: points of a direction older than its last by more are from an earlier turn
 _FIXED = 0.1  # share of a sweep: with a greater standard deviation of its times, a direction has no fixed time
 
 
@@ -72,7 +71,7 @@ def _last_of_directions(raw, times):  # type: ignore[no-untyped-def]
     total, squares = np.zeros((2, N_DIRECTIONS))
     for i in range(len(raw)):
         k, t = direction[i], np.float64(times[i])
-        is_last[i] = times[i] > latest[k] - np.float32(_SAME_LOOK)
+        is_last[i] = times[i] > latest[k] - np.float32(0.5)  # what is older by half a sweep is of an earlier turn
         if is_last[i]:
             n[k] += 1
             total[k] += t

@@ -162,7 +162,7 @@ def rotation_between(a: npt.ArrayLike, b: npt.ArrayLike) -> Array:
     b = np.asarray(b, np.float64) / np.linalg.norm(b)
     v, c = np.cross(a, b), float(a @ b)
     if c < -1.0 + 1e-9:  # opposite: half a turn about any axis at right angles
-        axis = np.cross(a, [1.0, 0.0, 0.0] if abs(a[0]) < 0.9 else [0.0, 1.0, 0.0])
+        axis = np.cross(a, np.eye(3)[np.argmin(np.abs(a))])
         axis /= np.linalg.norm(axis)
         return 2.0 * np.outer(axis, axis) - np.eye(3)
     K = skew(v)

@@ -35,9 +35,9 @@ DAMAGE = (
 )  # fmt: skip
 """What parsers raise, our own and others', when they are given what they were not made for."""
 
-MAX_TEXT = 1 << 28
+MAX_TEXT = 268_435_456
 """Bytes of text read at once; a drive of a day has times of a tenth of that."""
-MAX_YAML = 1 << 15
+MAX_YAML = 32_768
 """Letters of YAML, which takes a second, as it is parsed in Python; all settings have 2 600."""
 
 

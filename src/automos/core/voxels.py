@@ -12,10 +12,6 @@ from automos.core.kernels import kernel
 
 BITS = 20
 """Bits of a voxel key per axis: 100 km in each direction at 0.2 m. The lowest three bits are free for callers."""
-ALONG_Z = 1 << 3
-ALONG_Y = ALONG_Z << BITS
-ALONG_X = ALONG_Y << BITS
-"""Differences between the keys of neighbouring voxels."""
 
 
 def rows_of_first_in_voxel(points: npt.NDArray, voxel: float) -> npt.NDArray[np.int32]:

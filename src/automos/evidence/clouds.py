@@ -17,12 +17,9 @@ MAX_BETWEEN = 0.3
 most of the dust is in such cells, and hardly anything solid but what is seen through windows."""
 MIN_POINTS = 50
 """Points in cells of a cloud that a column holds at least: fewer are a thin object, or too far away to decide."""
-MIN_RATIO = 0.5
-"""Least ratio of these points to all others in a column and the eight around: what is seen through a car's or a tram's
-windows is like a cloud, but there is less of it than of the car."""
-CELL = 1.0  # metres, side of a cell; a column has twice its side
 _REACH, _LAYERS = 64, 16
-"""Cells from the sensor to each side, and above one another: farther away, rays are too far apart for a cloud."""
+"""Cells of a metre from the sensor to each side, and above one another; a column has twice their side. Farther away,
+rays are too far apart for a cloud."""
 
 
 @kernel
@@ -34,7 +31,7 @@ def in_clouds(points: Points, is_between: npt.NDArray[np.uint8], is_object: Mask
     cell_of = np.full(len(points), -1, np.int32)
     count, between = np.zeros((2, 4 * _REACH * _REACH * _LAYERS), np.int32)
     for i in range(len(points)):
-        x, y, z = points[i, 0] / CELL + _REACH, points[i, 1] / CELL + _REACH, points[i, 2] / CELL + _LAYERS // 2
+        x, y, z = points[i, 0] + _REACH, points[i, 1] + _REACH, points[i, 2] + _LAYERS // 2
         if is_object[i] and 0 <= x < 2 * _REACH and 0 <= y < 2 * _REACH and 0 <= z < _LAYERS:
             cell = (int(x) * 2 * _REACH + int(y)) * _LAYERS + int(z)
             cell_of[i] = cell
@@ -52,7 +49,8 @@ def in_clouds(points: Points, is_between: npt.NDArray[np.uint8], is_object: Mask
         for y in range(_REACH):
             if hazy[x, y] >= MIN_POINTS:
                 around = (slice(max(x - 1, 0), x + 2), slice(max(y - 1, 0), y + 2))
-                is_cloud[x, y] = hazy[around].sum() > MIN_RATIO * solid[around].sum()
+                # What is seen through a car's windows is like a cloud, but there is less of it than of the car.
+                is_cloud[x, y] = hazy[around].sum() > 0.5 * solid[around].sum()
     is_in_cloud = np.zeros(len(points), np.bool_)
     for i in range(len(points)):
         if cell_of[i] >= 0 and between[cell_of[i]] <= MAX_BETWEEN * count[cell_of[i]]:

@@ -28,7 +28,7 @@ from automos.settings import CandidatesSettings, FreeSpaceSettings
 
 Rows = npt.NDArray[np.int64]
 Net = npt.NDArray[np.float32]
-_PATTERN_SCANS = 5
+PATTERN_SCANS = 5  # of which the beams are learnt
 _PARTS, _PART = 4, 6000  # most parts of a scan for threads, and least points in a part, which pay for its overhead
 SPAN_TOLERANCE = 0.25  # share of a span by which the time of the asked scan may be off
 SURE_HITS = 2  # number of hits, without any free-space observation, after which no more scans are asked
@@ -44,7 +44,7 @@ class FreeSpace:
         """
         self.threads, self.frames, self.settings = threads, frames, settings
         self.stamps = np.asarray(stamps, np.float64)
-        self.lidars = learn_lidars(frames, evenly_spread(frames, _PATTERN_SCANS), settings, threads)
+        self.lidars = learn_lidars(frames, evenly_spread(frames, PATTERN_SCANS), settings, threads)
         steps = np.floor(self.stamps / settings.free_space.far_step)
         self._is_far_partner = np.concatenate([[True], np.diff(steps) > 0])
 

@@ -22,18 +22,17 @@ SECTORS = 360  # around the sensor
 START_RANGE = 10.0  # metres: range within which the initial height of the ground is taken
 STEP = 0.12  # metres: step by which ground may rise or fall (a kerb)
 MAX_BEND = 0.06  # metres per metre: greatest change of the ground's slope
-MAX_STEP = 0.3  # metres: greatest difference from the expected height, at any distance
+MAX_STEP = 0.3  # metres: greatest difference from the expected height, at any distance; ground is not further below
 MAX_SLOPE = 0.35  # steepest ground, rise over run
 SLOPING = 0.05  # rise over run of the ground around the sensor, below which sectors start level
 PLANE_SPREAD, PLANE_ROUNDS = 0.2, 6
 """Metres from the plane around the sensor beyond which cells count little, and iterations of its fit."""
-PLANE_SHARE, PLANE_LEAD = 0.5, 1.5
-"""Least share of these cells on the plane, and least ratio to those at the start height: in traffic no plane fits."""
+PLANE_LEAD = 1.5
+"""Least ratio of the cells on that plane, which are most, to those at the start height: in traffic no plane fits."""
 GHOST_DEPTH = 0.15  # metres: a point this far below the sight line over nearer ground is a mirror image
 LYING, BESIDE = 0.1, 15
 """Least share of sectors, of all and of those that many sectors beside one, in which ground lies at two ranges: it is
 flat there, and not the feet of things that stand on what is not seen."""
-MAX_DEPTH = 0.3  # metres: points further below the surface than this are not ground
 
 
 def find_ground(points_level: npt.NDArray, origin_level: Array, settings: GroundSettings) -> tuple[Mask, npt.NDArray]:
@@ -88,7 +87,7 @@ def _start(lowest: npt.NDArray, cell: float) -> tuple[float, Array]:
     lows = near.min(axis=1)
     start = float(np.percentile(lows[np.isfinite(lows)], 30))
     on_plane, on_level = (np.count_nonzero(np.abs(heights - z) < STEP) for z in (ground @ plane, start))
-    is_plane = on_plane > max(PLANE_SHARE * len(heights), PLANE_LEAD * on_level)
+    is_plane = on_plane > max(0.5 * len(heights), PLANE_LEAD * on_level)
     if is_plane and SLOPING < np.hypot(*plane[:2]) < MAX_SLOPE:
         return float(plane[2]), directions @ plane[:2]
     return start, level
@@ -236,7 +235,7 @@ def _measure(points, origin, corner, per_cell, surface, is_seen, tolerance, tole
         u, v = (points[i, 0] - corner[0]) * per_cell, (points[i, 1] - corner[1]) * per_cell
         x, y = points[i, 0] - origin[0], points[i, 1] - origin[1]
         beneath = _sample(surface, u - 0.5, v - 0.5)
-        is_low = -MAX_DEPTH < points[i, 2] - beneath < tolerance + tolerance_per_metre * np.sqrt(x * x + y * y)
+        is_low = -MAX_STEP < points[i, 2] - beneath < tolerance + tolerance_per_metre * np.sqrt(x * x + y * y)
         is_ground[i] = is_low and 0.0 <= u < w and 0.0 <= v < h and is_seen[int(rough_turn_of(x, y) * SECTORS)]
         height[i] = points[i, 2] - np.float32(beneath)
     return is_ground, height

@@ -10,7 +10,7 @@ from automos.core.beam_pattern import learn_pattern, ray_steps
 from automos.core.parallel import available_cores
 from automos.core.scan import EGO_BODY, GROUND, OBJECT, Frames
 from automos.core.workspace import Arrays, PerScan
-from automos.evidence.free_space import FreeSpace
+from automos.evidence.free_space import PATTERN_SCANS, FreeSpace
 from automos.evidence.ground import find_ground
 from automos.evidence.published import handed_in
 from automos.settings import Settings
@@ -46,7 +46,7 @@ def _free_space(frames: Frames, stamps: npt.NDArray, settings: Settings, workers
 
 def _moving_points(frames: Frames, stamps: npt.NDArray, settings: Settings, workers: int, scans: range) -> PerScan:
     """Yield the moving points of a published method."""
-    pattern = learn_pattern(evenly_spread(frames, 5))
+    pattern = learn_pattern(evenly_spread(frames, PATTERN_SCANS))
     steps = np.array([pattern.row_height, pattern.column_width])
     found = handed_in(settings.candidates.method).find_moving(frames, stamps, settings, scans.start)
     for i, is_moving in islice(found, len(scans)):

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.kernels import kernel
+from automos.evidence.ground import MAX_STEP
 from automos.evidence.look_through import HIT, THROUGH, WEAK
 
 Votes = npt.NDArray[np.int8]
@@ -38,11 +39,11 @@ def weigh_looks(codes, ranges, own_ranges, heights, trusts, row_height):  # type
             votes[i] = -ONE
         elif codes[i] == THROUGH or codes[i] == WEAK:
             ratio = ranges[i] / max(own_ranges[i], 1.0)
-            vote = min(1.0, 2.0 / max(ratio, 1e-3))
-            if heights[i] > -0.3:  # the ground is uncertain further below
-                vote *= min(max(0.5 * heights[i] / max(row_height * ranges[i], 1e-3), 0.0), 1.0)
+            vote = min(1.0, 2.0 / max(ratio, 1.0))
+            if heights[i] > -MAX_STEP:  # the ground is uncertain further below
+                vote *= min(max(0.5 * heights[i] / (row_height * ranges[i]), 0.0), 1.0)
             if codes[i] == WEAK:
-                vote *= min(max((ratio - 0.4) / 0.4, 0.0), 1.0)
+                vote *= min(max(ratio / 0.4 - 1.0, 0.0), 1.0)
             votes[i] = np.int8(ONE * trusts[i] * vote + 0.5)
     return votes
 

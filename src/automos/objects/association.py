@@ -20,6 +20,7 @@ MIN_OVERLAP = 0.3
 are: two solid objects cannot be in one place, and the centre of a lorry jumps by metres as its ends come into sight."""
 MAX_COUNT_RATIO = 5.0  # greatest ratio of the numbers of points
 SIZE_WEIGHT = 4.0  # cost of a change of size, in squared standard deviations
+LEAST_SIDE = 0.1  # metres: of what is thinner, ratios of sides say nothing
 EVIDENCE_WEIGHT = 2.0  # cost of a change from all points moving to all static
 
 
@@ -64,7 +65,7 @@ def motion_cost(objects: Objects, found: Detections, noise: FilterSettings, sett
     overlap = _overlap(mean, offset, found.boxes.yaw[j], size)
     squared = np.minimum(squared, np.where(overlap > MIN_OVERLAP, (1.0 - overlap) * settings.gate**2, np.inf))
     climb = np.abs(offset[:, 2])
-    before, now = (np.sort(np.maximum(sides, 0.1), axis=-1) for sides in (mean[:, 4:6], size[:, :2]))
+    before, now = (np.sort(np.maximum(sides, LEAST_SIDE), axis=-1) for sides in (mean[:, 4:6], size[:, :2]))
     growth = (np.abs(before - now) / (1.0 + np.maximum(before, now))).max(axis=-1, initial=0.0)
     # For an object of few points, a difference of a few points has no meaning.
     thinning = np.abs(np.log((objects.count[k] + 3.0) / (found.n_points[j] + 3.0)))
@@ -86,9 +87,9 @@ def _overlap(mean: Array, offset: Array, yaw: Array, size: Array) -> Array:
     for axis in range(2):
         along = mean[:, kalman.YAW] + 0.5 * np.pi * axis
         at = np.abs(np.cos(along) * offset[:, 0] + np.sin(along) * offset[:, 1])
-        own = np.maximum(mean[:, 4 + axis], 0.1)
+        own = np.maximum(mean[:, 4 + axis], LEAST_SIDE)
         c, s = np.abs(np.cos(turn)), np.abs(np.sin(turn))
-        other = np.maximum(c * size[:, axis] + s * size[:, 1 - axis], 0.1)
+        other = np.maximum(c * size[:, axis] + s * size[:, 1 - axis], LEAST_SIDE)
         common = np.minimum(0.5 * (own + other) - at, np.minimum(own, other))
         share *= np.maximum(common, 0.0) / np.maximum(own, other)
     return share

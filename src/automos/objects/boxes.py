@@ -76,13 +76,13 @@ def _fit(points, start, center, size, yaw):  # type: ignore[no-untyped-def]
 def _best_angle(points):  # type: ignore[no-untyped-def]
     """Return the angle in [0, pi/2) of greatest closeness, in steps of 3 degrees, then of 0.5 around the best."""
     best_angle, best = 0.0, -1.0
-    for k in range(41):
-        if k == 30:
-            coarse = best_angle
-        angle = np.deg2rad(3.0 * k) if k < 30 else coarse + np.deg2rad(0.5 * (k - 35))
-        value = _closeness(points, angle)
-        if value > best:
-            best_angle, best = angle, value
+    for low, high, step in ((0.0, 90.0, 3.0), (-3.0, 3.0, 0.5)):
+        around = best_angle
+        for degrees in np.arange(low, high, step):
+            angle = around + np.deg2rad(degrees)
+            value = _closeness(points, angle)
+            if value > best:
+                best_angle, best = angle, value
     return best_angle % (0.5 * np.pi)
 
 

@@ -42,11 +42,12 @@ def smooth(t, z, variance, jerkiness):  # type: ignore[no-untyped-def]
     """
     # State: position x, velocity v; covariance [[a, b], [b, c]]. Scalar code compiles in a fifth of the time.
     n = len(t)
-    ahead, now = np.zeros((n, 5)), np.zeros((n, 5))  # x, v, a, b, c before and after each measurement
+    ahead, now = np.zeros((2, n, 5))  # x, v, a, b, c before and after each measurement
     first = 0
     while first < n - 1 and np.isnan(z[first]):
         first += 1
-    x, v, a, b, c = z[first], 0.0, 1e4, 0.0, 1e4
+    x, v, b = z[first], 0.0, 0.0
+    a = c = 1e4  # nothing is known
     for i in range(n):
         dt = t[i] - t[i - 1] if i else 0.0
         x += dt * v

@@ -21,8 +21,8 @@ MIN_GROUND = 10  # least number of ground points beside an object for a plane
 ROUGHNESS, CLEARANCE = 3.0, (0.03, 0.1)
 """Height above the ground plane from which points belong to the object, in standard deviations of the ground about its
 plane, and limits of that height, metres: on a floor a few centimetres separate a shoe, on cobbles they do not."""
-_MIN_SHARE, _MIN_MOVED, _MAX_LIFT = 0.5, 5, 2.5
-"""Limits for a moving segment: least share and number of moved points, and greatest height of its lowest, metres."""
+_MIN_MOVED, _MAX_LIFT = 5, 2.5
+"""Limits for a moving segment, of whose points half have moved: how many, and greatest height of its lowest, metres."""
 _PRIOR, _WEIGHT = -4.0, 2.0
 """Prior log-odds of moving of a point without an object, and weight of the evidence: in simulated worlds, of the points
 without an object 2 in 100 move if no scan reports on them, and 1 in 1000 if they were hit again."""
@@ -95,7 +95,7 @@ def _stands(points: Array, ground: Array, if_unknown: bool) -> Mask:
         return np.full(points.shape[1], if_unknown)
     base = np.stack([*ground[:2], np.ones(n)])
     moments = base @ ground[2]
-    plane = np.linalg.solve(base @ base.T + np.diag([1e-3 * n, 1e-3 * n, 0.0]), moments)
+    plane = np.linalg.solve(base @ base.T + 1e-3 * n * np.diag([1.0, 1.0, 0.0]), moments)
     roughness = np.sqrt(max(float(ground[2] @ ground[2] - plane @ moments), 0.0) / n)
     above = points[2] - (plane[0] * points[0] + plane[1] * points[1] + plane[2])
     return above >= np.clip(ROUGHNESS * roughness, *CLEARANCE)
@@ -125,7 +125,7 @@ def find_moved(ids: Ids, found: Detections) -> Mask:
     At a scan rate too low for tracking, this decides. An object whose place was observed free before and after has
     moved, while tracks would associate different objects and predict them at places that nothing passed.
     """
-    moves = (found.n_moving >= np.maximum(_MIN_SHARE * found.n_points, _MIN_MOVED)) & (found.lift <= _MAX_LIFT)
+    moves = (found.n_moving >= np.maximum(0.5 * found.n_points, _MIN_MOVED)) & (found.lift <= _MAX_LIFT)
     return np.append(moves & ~found.has_stayed, False)[ids]  # the last entry is for id -1
 
 

@@ -17,7 +17,7 @@ from automos.objects.tracks import Tracks
 if TYPE_CHECKING:
     from automos.pipeline import Found
 
-OBJECT_FIELDS = [("track", "i8"), ("center", "f8", 3), ("size", "f8", 3), ("yaw", "f8"), ("velocity", "f8", 3)]
+OBJECT_FIELDS = [("track", "i8"), ("center", "3f8"), ("size", "3f8"), ("yaw", "f8"), ("velocity", "3f8")]
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,11 +27,9 @@ from automos.online.sighting import Sighting, Sightings
 from automos.settings import Settings
 
 GROWN = 1.0
-"""Seconds after which the evidence of a scan is updated for the tracks, if it was first computed earlier."""
+"""Seconds after which the evidence of a scan is updated for the tracks, and complete, even if the lag is longer."""
 AGAIN = 3
 """Scans whose evidence is updated with every new scan, after the sensor's path was replaced."""
-SETTLED = 1.0
-"""Seconds after which the evidence of a scan is complete, even if the lag is longer."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +96,7 @@ class Segmenting:
     ):
         """Take the arguments of `Labeler`, a thread pool, and the last pose of the stream that this one continues."""
         self._settings, self._lag, self._pool = settings, lag, pool
-        self._settle = min(lag, SETTLED)
+        self._settle = min(lag, GROWN)
         self._sightings = Sightings(settings, pool, is_compensated, T_world_first)
         self._window = EvidenceWindow(settings.candidates.free_space)
         self._renewal = Renewal(settings.candidates.ground, pool)
