@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from automos.core.arrays import evenly_spread
 from automos.core.errors import InputError
 from automos.core.recording_warnings import USUAL_RATE
 from automos.core.scan import Pose, Sequence
@@ -20,7 +21,7 @@ from automos.odometry.clock import Clock
 from automos.odometry.drifting_seam import learn_drifting_seam
 from automos.odometry.moving_windows import WINDOWS, Search, moving_windows
 from automos.odometry.one_lidar import with_one_lidar
-from automos.odometry.point_order import learn_order, sees_all_round
+from automos.odometry.point_order import SAMPLES, learn_order, sees_all_round
 from automos.odometry.sweep_timing import SAME_TIME, SweepTiming, recorded_duration
 from automos.settings import OdometrySettings
 
@@ -133,7 +134,8 @@ def _best_hypothesis(
 def _best_seam(search: Search, untimed: list[SweepTiming]) -> SweepTiming | None:
     """Return the best timing by azimuth with a fixed seam, or `untimed`."""
     (found,) = search.likeliest(CIRCLE, 1)
-    around = [((found.seam_deg or 0.0) + off + 180.0) % 360.0 - 180.0 for off in (-45.0, 45.0)]
+    half = 90.0 / 2.0  # of a quarter turn, by which those of the circle are apart
+    around = [((found.seam_deg or 0.0) + off + 180.0) % 360.0 - 180.0 for off in (-half, half)]
     likely = search.likeliest([*CIRCLE, *(replace(found, seam_deg=seam) for seam in around)], N_LIKELY)
     others = [timing for timing in likely if timing.seam_deg != SEAMS_DEG[0]]
     rear = [timing for timing in likely if timing not in others] or [replace(found, seam_deg=SEAMS_DEG[0])]
@@ -179,8 +181,7 @@ def _drifting_timings(sequence: Sequence) -> list[SweepTiming]:
 
 def _file_timing(sequence: Sequence, clock: Clock) -> SweepTiming | None:
     """Return the timing from the scans' own times, None if they have none."""
-    ids = np.unique(np.linspace(0, len(sequence) - 1, 11).round().astype(int))
-    scans = [sequence[int(i)] for i in ids]
+    scans = [sequence[i] for i in evenly_spread(range(len(sequence)), SAMPLES)]
     durations = [recorded_duration(scan) or 0.0 for scan in scans if scan.time is not None and scan.is_valid.any()]
     duration = float(np.median(durations or 0.0))
     if duration == 0.0:
