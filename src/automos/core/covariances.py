@@ -11,21 +11,30 @@ from automos.core.kernels import kernel
 @kernel
 def variance_along(c, a):  # type: ignore[no-untyped-def]
     """Return a^T C a for the covariance `c` (6,) and the direction `a` (3,)."""
-    x = a[0] * c[0] + a[1] * c[1] + a[2] * c[2]
-    y = a[0] * c[1] + a[1] * c[3] + a[2] * c[4]
-    z = a[0] * c[2] + a[1] * c[4] + a[2] * c[5]
+    xx, xy, xz, yy, yz, zz = c
+    x = a[0] * xx + a[1] * xy + a[2] * xz
+    y = a[0] * xy + a[1] * yy + a[2] * yz
+    z = a[0] * xz + a[1] * yz + a[2] * zz
     return a[0] * x + a[1] * y + a[2] * z
+
+
+@kernel
+def total_variance(c):  # type: ignore[no-untyped-def]
+    """Return the sum of the variances along all axes."""
+    xx, _, _, yy, _, zz = c
+    return xx + yy + zz
 
 
 @kernel
 def eigenvalues(c):  # type: ignore[no-untyped-def]
     """Return the eigenvalues, ascending, of a symmetric 3 x 3 matrix (xx, xy, xz, yy, yz, zz), by Viete's formula."""
-    middle = (c[0] + c[3] + c[5]) / 3.0
-    x, y, z = c[0] - middle, c[3] - middle, c[5] - middle
-    scale = np.sqrt((x * x + y * y + z * z + 2.0 * (c[1] * c[1] + c[2] * c[2] + c[4] * c[4])) / 6.0)
+    xx, xy, xz, yy, yz, zz = c
+    middle = (xx + yy + zz) / 3.0
+    x, y, z = xx - middle, yy - middle, zz - middle
+    scale = np.sqrt((x * x + y * y + z * z + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0)
     if scale < 1e-15:
         return middle, middle, middle
-    determinant = x * (y * z - c[4] * c[4]) - c[1] * (c[1] * z - c[4] * c[2]) + c[2] * (c[1] * c[4] - y * c[2])
+    determinant = x * (y * z - yz * yz) - xy * (xy * z - yz * xz) + xz * (xy * yz - y * xz)
     angle = np.arccos(min(max(0.5 * determinant / scale**3, -1.0), 1.0)) / 3.0
     high, low = middle + 2.0 * scale * np.cos(angle), middle + 2.0 * scale * np.cos(angle + 2.0 * np.pi / 3.0)
     return max(low, 0.0), max(3.0 * middle - low - high, 0.0), high
@@ -34,15 +43,16 @@ def eigenvalues(c):  # type: ignore[no-untyped-def]
 @kernel(error_model="numpy")
 def eigenvector(c, value, out):  # type: ignore[no-untyped-def]
     """Write the unit eigenvector of a distinct eigenvalue: it is perpendicular to the rows of C - value."""
-    x, y, z = c[0] - value, c[3] - value, c[5] - value
+    xx, xy, xz, yy, yz, zz = c
+    x, y, z = xx - value, yy - value, zz - value
     best = -1.0
     for k in range(3):
         if k == 0:
-            a, b, d = c[1] * c[4] - c[2] * y, c[2] * c[1] - x * c[4], x * y - c[1] * c[1]
+            a, b, d = xy * yz - xz * y, xz * xy - x * yz, x * y - xy * xy
         elif k == 1:
-            a, b, d = c[1] * z - c[2] * c[4], c[2] * c[2] - x * z, x * c[4] - c[1] * c[2]
+            a, b, d = xy * z - xz * yz, xz * xz - x * z, x * yz - xy * xz
         else:
-            a, b, d = y * z - c[4] * c[4], c[4] * c[2] - c[1] * z, c[1] * c[4] - y * c[2]
+            a, b, d = y * z - yz * yz, yz * xz - xy * z, xy * yz - y * xz
         square = a * a + b * b + d * d
         if square > best:
             best = square

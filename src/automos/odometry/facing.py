@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.covariances import variance_along
+from automos.core.covariances import total_variance, variance_along
 from automos.core.geometry import Array, inverse
 from automos.core.kernels import kernel
 from automos.core.scan import Pose
@@ -187,7 +187,7 @@ def _score(submap, constrains, surfels, T, path, distances, shift, overhead):  #
     scores = np.zeros((3, len(distances)))
     for i in range(len(points)):
         c = covariance[i]
-        if variance_along(c, along) > 0.2 * (c[0] + c[3] + c[5]):  # surface parallel to the path
+        if variance_along(c, along) > 0.2 * total_variance(c):  # surface parallel to the path
             continue
         x0, y0, z0 = moved(T, points[i])
         beside = abs(along[0] * points[i, 1] - along[1] * points[i, 0])
