@@ -16,7 +16,7 @@ from automos.readers.codecs import CODEC_OF_SUFFIX, suffix_codec
 from automos.readers.time_order import unevenness
 
 _SIDE_FILES = {"times.txt", "timestamps.txt", "poses.txt", "calib.txt", "readme.txt", "requirements.txt"}
-_TEXT = {".txt", ".csv", ".zip"}  # which may be anything
+TEXT = {".txt", ".csv", ".zip"}  # which may be anything
 
 _LONGEST_HEADER = 1 << 14
 """Bytes of a file that may be all header: longer ones hold points."""
@@ -30,12 +30,12 @@ _PERIOD = (0.005, 5.0)
 
 def holds_point_files(folder: Path) -> bool:
     """Return whether any file of `folder` could be a scan."""
-    return any(True for _ in _point_files(folder))
+    return any(True for _ in point_files(folder))
 
 
 def holds_scans(folder: Path) -> bool:
     """Return whether any file of `folder` is a scan by its name alone; text may be anything."""
-    return any(_suffix(name) not in _TEXT for name in _point_files(folder))
+    return any(_suffix(name) not in TEXT for name in point_files(folder))
 
 
 def left_out_folders(source: Path, read: Path) -> list[str]:
@@ -65,12 +65,12 @@ def list_scans(folder: Path, codec: str | None = None) -> tuple[list[str], str, 
     InputError
         No scan files, or several kinds of them.
     """
-    names = _point_files(folder)
+    names = point_files(folder)
     if codec is not None and suffix_codec(codec) is not None:
         names = [name for name in names if CODEC_OF_SUFFIX[_suffix(name)] == suffix_codec(codec)]
-    elif any(_suffix(name) not in _TEXT for name in names):
+    elif any(_suffix(name) not in TEXT for name in names):
         # beside real point files these are notes and tables
-        names = [name for name in names if _suffix(name) not in _TEXT]
+        names = [name for name in names if _suffix(name) not in TEXT]
     if not names:
         kind = "" if codec is None else f" for format {codec!r}"
         raise InputError(f"{folder} holds no scans{kind}; give a folder of .bin, .pcd, .ply, .npy or .xyz files")
@@ -224,7 +224,8 @@ def _stamp(name: str) -> float | None:
     return next((value * unit for unit in (1e-9, 1e-6, 1e-3, 1.0) if _EPOCH[0] <= value * unit < _EPOCH[1]), None)
 
 
-def _point_files(folder: Path) -> list[str]:
+def point_files(folder: Path) -> list[str]:
+    """Return the names of what may be scans in a folder, text included; InputError where it cannot be read."""
     try:
         with os.scandir(folder) as entries:
             return [entry.name for entry in entries if _is_point_file(entry)]
