@@ -16,6 +16,7 @@ from automos.core.arrays import evenly_spread
 from automos.core.errors import InputError
 from automos.readers.layouts import LAYOUTS, parse_columns
 from automos.readers.record_columns import ENOUGH, Rows, columns_of, has_numbers, is_several
+from automos.readers.record_header import find_header
 
 _SIZES = range(12, 129)
 """Bytes of a record: three coordinates, to the largest struct of a driver."""
@@ -57,6 +58,12 @@ def find_columns(paths: Sequence[Path]) -> str:
         found = [LAYOUTS["bin"]]
     if len(found) != 1:
         raise InputError(_unknown(paths, sizes, found))
+    if n_bytes := find_header(pool, found[0]):
+        raise InputError(
+            f"{largest[0]} begins with a header of {n_bytes} bytes, as the other files do, before its points "
+            f"({found[0]}): cut it off each (tail -c +{n_bytes + 1}) and give what is left, or name all columns with "
+            "--columns if these are points"
+        )
     return _required(found[0], sizes, paths)
 
 
