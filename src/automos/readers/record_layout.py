@@ -16,7 +16,7 @@ from automos.core.arrays import evenly_spread
 from automos.core.errors import InputError
 from automos.readers.layouts import LAYOUTS, parse_columns
 from automos.readers.record_columns import ENOUGH, Rows, columns_of, has_numbers, is_several
-from automos.readers.record_header import find_header
+from automos.readers.record_ends import find_foreign
 
 _SIZES = range(12, 129)
 """Bytes of a record: three coordinates, to the largest struct of a driver."""
@@ -58,13 +58,22 @@ def find_columns(paths: Sequence[Path]) -> str:
         found = [LAYOUTS["bin"]]
     if len(found) != 1:
         raise InputError(_unknown(paths, sizes, found))
-    if n_bytes := find_header(pool, found[0]):
-        raise InputError(
-            f"{largest[0]} begins with a header of {n_bytes} bytes, as the other files do, before its points "
-            f"({found[0]}): cut it off each (tail -c +{n_bytes + 1}) and give what is left, or name all columns with "
-            "--columns if these are points"
-        )
+    _require_points(largest, found[0])
     return _required(found[0], sizes, paths)
+
+
+def _require_points(paths: Sequence[Path], columns: str) -> None:
+    """Raise where there is more in the files at `paths` than the points of these columns."""
+    size, some = parse_columns(columns).itemsize, evenly_spread(paths, _FILES)
+    for where, cut in (("begins", "tail -c +{}"), ("ends", "head -c -{}")):
+        is_behind = where == "ends"
+        n_bytes = find_foreign([_end(path, size, is_behind) for path in some], columns, is_behind)
+        if n_bytes:
+            raise InputError(
+                f"{paths[0]} {where} with {n_bytes} bytes that are no points ({columns}), as the other files do: cut "
+                f"them off each ({cut.format(n_bytes + (not is_behind))}) and give what is left, or say with --columns "
+                "that they are"
+            )
 
 
 def _by_convention(pool: list[bytes], fitting: list[int], sizes: npt.NDArray[np.int64], paths: Sequence[Path]) -> str:
@@ -94,14 +103,23 @@ def _unknown(paths: Sequence[Path], sizes: npt.NDArray[np.int64], candidates: Co
     odd = int(np.argmax(sizes % 16 != 0))
     fits = "; fitting are " + " and ".join(f"--columns {one}" for one in candidates) if candidates else ""
     return (
-        f"{paths[odd]} has {sizes[odd]} bytes and no header, and its content does not show which columns its points "
-        f"have{fits}: say which, as in --columns x,y,z,intensity or --columns x:f8,y,z, or copy the file again"
+        f"{paths[odd]} has {sizes[odd]} bytes and no header that is known, and its content does not show which columns "
+        f"its points have{fits}: say which, as in --columns x,y,z,intensity or --columns x:f8,y,z, or copy the file "
+        "again"
     )
 
 
 def _beginning(path: Path) -> bytes:
     with path.open("rb") as file:
         return file.read(_READ)
+
+
+def _end(path: Path, size: int, is_behind: bool) -> bytes:
+    """Return whole records of `size` bytes from the beginning of a file, or before its end."""
+    n_bytes = path.stat().st_size // size * size
+    with path.open("rb") as file:
+        file.seek(max(n_bytes - _READ // size * size, 0) if is_behind else 0)
+        return file.read(min(_READ // size * size, n_bytes))
 
 
 def _rows(pool: list[bytes], size: int) -> Rows:

@@ -1,5 +1,6 @@
-"""Files whose points lie behind a header are told from those without, and how long it is; real points are none."""
+"""What stands before or behind the points of files is told, and how long it is; points, however odd, are left alone."""
 
+import hashlib
 import struct
 
 import numpy as np
@@ -8,7 +9,7 @@ from sweeps import points_of, pose, sweep
 
 from automos.core.errors import InputError
 from automos.readers import open_sequence
-from automos.readers.record_header import find_header
+from automos.readers.record_ends import find_foreign
 
 KITTI = "x,y,z,intensity"
 
@@ -37,16 +38,34 @@ def test_a_header_is_told_with_its_size(tmp_path, scans, name):
     size, head = HEADERS[name]
     for i, scan in enumerate(scans):
         (tmp_path / f"{i}.bin").write_bytes(head(len(scan), i) + scan.tobytes())
-    with pytest.raises(InputError, match=rf"0.bin begins with a header of {size} bytes.*\(tail -c \+{size + 1}\)"):
+    with pytest.raises(
+        InputError, match=rf"0.bin begins with {size} bytes that are no points .*\(tail -c \+{size + 1}\)"
+    ):
         open_sequence(tmp_path)
     assert len(open_sequence(tmp_path, KITTI)[0]) == len(scans[0]) + size // 16  # as the user says
 
 
+FOOTERS = {
+    "a sum": (16, lambda raw: hashlib.md5(raw).digest()),
+    "words, filled up": (32, lambda raw: (b"END points=%d" % (len(raw) // 16)).ljust(32, b"\0")),
+    "a count": (16, lambda raw: struct.pack("<QQ", len(raw), 7)),
+}
+
+
+@pytest.mark.parametrize("name", FOOTERS)
+def test_what_stands_behind_the_points_is_told(tmp_path, scans, name):
+    size, foot = FOOTERS[name]
+    for i, scan in enumerate(scans):
+        (tmp_path / f"{i}.bin").write_bytes(scan.tobytes() + foot(scan.tobytes()))
+    with pytest.raises(InputError, match=rf"0.bin ends with {size} bytes that are no points .*\(head -c -{size}\)"):
+        open_sequence(tmp_path)
+
+
 @pytest.mark.parametrize("n_files", [1, 2, 5])
 def test_points_of_one_file_or_several_are_no_header(scans, n_files):
-    assert find_header([scan.tobytes() for scan in scans[:n_files]], KITTI) == 0
+    assert find_foreign([scan.tobytes() for scan in scans[:n_files]], KITTI) == 0
     head = struct.pack("<IIII", 900, 16, 0, 1) + bytes(32)
-    assert find_header([head + scan.tobytes() for scan in scans[:n_files]], KITTI) == 48
+    assert find_foreign([head + scan.tobytes() for scan in scans[:n_files]], KITTI) == 48
 
 
 def test_a_standing_sensor_without_noise_and_marks_of_missing_returns_are_no_header(scans):
@@ -54,18 +73,18 @@ def test_a_standing_sensor_without_noise_and_marks_of_missing_returns_are_no_hea
     still = [scans[0].copy() for _ in range(4)]
     for scan in still:
         scan[rng.integers(10, len(scan), 50), :3] += 1.0  # what moves
-    assert find_header([scan.tobytes() for scan in still], KITTI) == 0
+    assert find_foreign([scan.tobytes() for scan in still], KITTI) == 0
     marked = [scan.copy() for scan in scans]
     for scan in marked:
         scan[rng.integers(0, len(scan), 300)] = 1e9
         scan[:3] = 1e9
-    assert find_header([scan.tobytes() for scan in marked], KITTI) == 0
+    assert find_foreign([scan.tobytes() for scan in marked], KITTI) == 0
     for none in (0.0, np.nan, np.inf):
         missed = [np.concatenate([np.full((20, 4), none, "<f4"), scan]) for scan in scans]
-        assert find_header([scan.tobytes() for scan in missed], KITTI) == 0
+        assert find_foreign([scan.tobytes() for scan in missed], KITTI) == 0
 
 
 def test_a_header_before_wider_records_is_as_long_as_some_of_them(scans):
     rows = [np.column_stack([scan, np.arange(len(scan)) % 16]).astype("<f4") for scan in scans]
     raw = [struct.pack("<5I", len(row), 20, 0, 1, 7) + row.tobytes() for row in rows]
-    assert find_header(raw, "x,y,z,intensity,ring") == 20
+    assert find_foreign(raw, "x,y,z,intensity,ring") == 20
