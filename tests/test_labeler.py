@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from raw_worlds import TOWN, curve, sweep, true_poses, worst_distance
 from worlds import iou_of_moving, lane, street
 
 import automos
 from automos.core.errors import InputError
+from automos.core.geometry import inverse
 from automos.core.labels import Label
 from automos.core.scan import Scan
 
@@ -45,6 +47,15 @@ def test_what_moves_is_found_at_once_and_better_later(at_once):
     later = iou_of_moving([g.labels for g in run(SCANS, 0.5)][8:], STREET.truth[8:])
     assert now > 0.7
     assert later > max(now - 0.02, 0.8)
+
+
+def test_scans_that_come_without_a_time_are_counted_where_some_are_lost():
+    pose, kept = curve(1.5, 1.5), [i for i in range(18) if i not in range(9, 13)]
+    scans = [replace(sweep(TOWN, pose, 0.1 * i, n_beams=32), stamp=None) for i in kept]
+    labeler = automos.Labeler(lag=0.3)
+    given = [g for scan in scans for g in labeler.push(scan)] + labeler.finish()
+    poses = np.array([g.pose for g in given])
+    assert worst_distance(inverse(poses[0]) @ poses, true_poses(pose, 18)[kept]) < 0.1
 
 
 def test_the_whole_recording_as_lag_gives_the_labels_of_label():

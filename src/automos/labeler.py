@@ -239,7 +239,8 @@ class Labeler:
     def _new_stream(self, T_world_first: Pose | None = None, first_track: int = 0) -> Stream | WholeRecording:
         if math.isinf(self.lag):
             return WholeRecording(self.settings, self._is_compensated, self._threads, T_world_first, first_track)
-        return Stream(self.settings, self.lag, self._pool, self._is_compensated, T_world_first, first_track)
+        sensor = self._is_compensated, self._intake.has_stamps
+        return Stream(self.settings, self.lag, self._pool, *sensor, T_world_first, first_track)
 
     def _end_stream(self) -> None:
         """Label what is waiting, and start a new stream at the last pose."""

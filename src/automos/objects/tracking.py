@@ -28,9 +28,9 @@ from automos.objects.tracks import Tracks, observed, of_rows, of_tracks
 from automos.objects.verdict import Verdicts
 from automos.settings import Settings
 
-MIN_POINTS, MIN_TIME = 100, 1.0
-"""Points and seconds of the shortest sight without a break of a body in any list: of what is less, neither extent nor
-path is known, and what is lost and found again in pieces is another thing each time. (Of a shorter recording, half.)"""
+ENOUGH = 300.0
+"""Points times seconds of a sight without a break from which on it shows a body: of what is less, neither extent nor
+path is known, and what is lost and found again in pieces is another thing each time."""
 SCRAP = 0.9
 """Probability from which on such a scrap moves: where poses slip for a moment, everything seems to."""
 _OF_PARTS = ("track", "scan", "segment", "p_moving")
@@ -84,8 +84,8 @@ def follow_and_judge(scans: Scans, settings: Settings, workers: int) -> TrackedO
     tracks, parts = _bodies(scans, track_objects(followed, tracking), seen, workers)
     verdicts = _judged(tracks, seen, stamps)
     kept = ~is_scenery(tracks, verdicts.is_moving, seen.has_stayed)
-    least_time = min(MIN_TIME, 0.5 * np.ptp(stamps)) if len(stamps) else 0.0
-    is_scrap = verdicts.is_moving & is_small(parts, len(tracks), seen.n_points, stamps, MIN_POINTS, least_time)
+    enough = ENOUGH * min(1.0, 0.5 * np.ptp(stamps)) if len(stamps) else 0.0  # less in a short recording
+    is_scrap = verdicts.is_moving & is_small(parts, len(tracks), seen.n_points, stamps, enough)
     is_sure = is_scrap & (verdicts.confidence >= SCRAP)
     scraps = of_tracks(parts, is_sure)
     scraps = replace(scraps, p_moving=verdicts[is_sure].confidence[scraps.track])
@@ -129,15 +129,8 @@ def _judged(tracks: Tracks, seen: _Seen, stamps: Array) -> Verdicts:
     return Verdicts.concatenate(found)
 
 
-def is_small(
-    parts: Tracks,
-    n: int,
-    n_points: Sequence[npt.NDArray],
-    stamps: Array,
-    least_points: float,
-    least_time: float,
-) -> Mask:
-    """Return (T,) which of `n` tracks are too small or too short to be bodies in every sight of them without a break.
+def is_small(parts: Tracks, n: int, n_points: Sequence[npt.NDArray], stamps: Array, enough: float) -> Mask:
+    """Return (T,) which of `n` tracks have less than `enough` points times seconds in every sight without a break.
 
     parts : all segments of the tracks, sorted by track, then scan.   n_points : by scan, of all segments.
     """
@@ -146,7 +139,7 @@ def is_small(
     last = np.append(first[1:], len(parts.track))[: len(first)] - 1
     sight = np.repeat(np.arange(len(first)), last + 1 - first)
     time = stamps[parts.scan[last]] - stamps[parts.scan[first]]
-    is_enough = (np.bincount(sight, of_parts, len(first)) >= least_points) & (time >= least_time)
+    is_enough = np.bincount(sight, of_parts, len(first)) * time >= enough
     return ~np.isin(np.arange(n), parts.track[first[is_enough]])
 
 

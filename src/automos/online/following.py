@@ -21,7 +21,7 @@ from automos.objects.extents import boxed_intervals, make_whole
 from automos.objects.judge import Past, is_scenery, judge_tracks, moving_now, past_of
 from automos.objects.terms import SegmentTerms, each_for_itself, segment_terms
 from automos.objects.tracker import Tracker, can_follow, until_last_seen
-from automos.objects.tracking import MIN_POINTS, MIN_TIME, SCRAP, is_small
+from automos.objects.tracking import ENOUGH, SCRAP, is_small
 from automos.objects.tracks import Tracks, observed, of_rows
 from automos.objects.verdict import Verdict, Verdicts
 from automos.settings import TrackingSettings
@@ -133,10 +133,11 @@ class Following:
     ) -> Verdicts:
         """Return the verdicts on the tracks, moving for those that have moved in their life or in the last second."""
         of_life = judge_tracks(tracks, terms, stamps, past)
-        # What has half the points or the time of a body may be one, seen so far; its pose and evidence may soon change.
+        # What was seen half as well as a body may be one, seen so far; its pose and evidence may soon change.
         # At the start everything is young, and nothing can be said of what was there before.
-        n_points, halves = [step.found.segments.n_points for step in steps], (0.5 * MIN_POINTS, 0.5 * MIN_TIME)
-        is_unsure = is_small(observed(tracks), len(tracks), n_points, stamps, *halves) & (of_life.confidence < SCRAP)
+        n_points = [step.found.segments.n_points for step in steps]
+        is_young = is_small(observed(tracks), len(tracks), n_points, stamps, 0.5 * ENOUGH)
+        is_unsure = is_young & (of_life.confidence < SCRAP)
         is_new = tracks.scan[tracks.first_rows()] > 0
         of_life = _not_moving(of_life, of_life.is_moving & is_unsure & is_new)
         late = is_recent[tracks.scan]

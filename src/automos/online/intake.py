@@ -53,6 +53,11 @@ class Intake:
         self._trouble: Kind | None = None
         self._is_stopped = False
 
+    @property
+    def has_stamps(self) -> bool:
+        """Whether the last scan came with its time."""
+        return self._own is not None
+
     def take(self, scan: Scan) -> Taken:
         """Return the role of the scan. A lasting problem is reported once."""
         own = scan.stamp

@@ -94,12 +94,13 @@ class Segmenting:
         lag: float,
         pool: ThreadPoolExecutor,
         is_compensated: bool | None,
+        has_stamps: bool,
         T_world_first: Pose | None,
     ):
-        """Take the arguments of `Labeler`, a thread pool, and the last pose of the stream that this one continues."""
+        """Take the arguments of `Stream`."""
         self._settings, self._lag, self._pool = settings, lag, pool
         self._settle = min(lag, SETTLED)
-        self._sightings = Sightings(settings, pool, is_compensated, T_world_first)
+        self._sightings = Sightings(settings, pool, is_compensated, has_stamps, T_world_first)
         self._window = EvidenceWindow(settings.candidates.free_space)
         self._renewal = Renewal(settings.candidates.ground, pool)
         self._held: deque[_Held] = deque()

@@ -54,12 +54,17 @@ class Sightings:
     """The sightings of a stream, scan by scan."""
 
     def __init__(
-        self, settings: Settings, pool: ThreadPoolExecutor, is_compensated: bool | None, T_world_first: Pose | None
+        self,
+        settings: Settings,
+        pool: ThreadPoolExecutor,
+        is_compensated: bool | None,
+        has_stamps: bool,
+        T_world_first: Pose | None,
     ):
-        """Take a thread pool, and the last pose of the stream that this one continues."""
+        """Take the arguments of `Stream`."""
         self.T_level_sensor: Pose = np.eye(4) if T_world_first is None else T_world_first
         self._settings = settings
-        self._odometry = Odometry(settings.odometry, pool, None, is_compensated)
+        self._odometry = Odometry(settings.odometry, pool, None, is_compensated, has_stamps=has_stamps)
         self._learner = LidarLearner(settings.candidates)
         self._T_level_world = self.T_level_sensor
         self._is_level = False

@@ -27,12 +27,16 @@ class Stream:
         lag: float,
         pool: ThreadPoolExecutor,
         is_compensated: bool | None = None,
+        has_stamps: bool = True,
         T_world_first: Pose | None = None,
         first_track: int = 0,
     ):
-        """Take the arguments of `Labeler`, a thread pool, and the last state of the stream that this one continues."""
+        """Take the arguments of `Labeler`, a thread pool, and the last state of the stream that this one continues.
+
+        has_stamps : whether scans come with their times; otherwise missing ones are counted.
+        """
         self._settings = settings
-        self._segmenting = Segmenting(settings, lag, pool, is_compensated, T_world_first)
+        self._segmenting = Segmenting(settings, lag, pool, is_compensated, has_stamps, T_world_first)
         self._following = Following(settings.tracking, lag, first_track)
 
     @property
