@@ -9,9 +9,16 @@ from sweeps import points_of, pose, sweep
 
 from automos.core.errors import InputError
 from automos.readers import open_sequence
+from automos.readers.layouts import parse_columns
 from automos.readers.record_ends import find_foreign
 
 KITTI = "x,y,z,intensity"
+
+
+def foreign(files, columns=KITTI):
+    point = parse_columns(columns)
+    n = min(map(len, files)) // point.itemsize
+    return find_foreign(np.stack([np.frombuffer(raw, point, n) for raw in files]))
 
 
 @pytest.fixture(scope="module")
@@ -63,9 +70,9 @@ def test_what_stands_behind_the_points_is_told(tmp_path, scans, name):
 
 @pytest.mark.parametrize("n_files", [1, 2, 5])
 def test_points_of_one_file_or_several_are_no_header(scans, n_files):
-    assert find_foreign([scan.tobytes() for scan in scans[:n_files]], KITTI) == 0
+    assert foreign([scan.tobytes() for scan in scans[:n_files]]) == 0
     head = struct.pack("<IIII", 900, 16, 0, 1) + bytes(32)
-    assert find_foreign([head + scan.tobytes() for scan in scans[:n_files]], KITTI) == 48
+    assert foreign([head + scan.tobytes() for scan in scans[:n_files]]) == 48
 
 
 def test_a_standing_sensor_without_noise_and_marks_of_missing_returns_are_no_header(scans):
@@ -73,18 +80,18 @@ def test_a_standing_sensor_without_noise_and_marks_of_missing_returns_are_no_hea
     still = [scans[0].copy() for _ in range(4)]
     for scan in still:
         scan[rng.integers(10, len(scan), 50), :3] += 1.0  # what moves
-    assert find_foreign([scan.tobytes() for scan in still], KITTI) == 0
+    assert foreign([scan.tobytes() for scan in still]) == 0
     marked = [scan.copy() for scan in scans]
     for scan in marked:
         scan[rng.integers(0, len(scan), 300)] = 1e9
         scan[:3] = 1e9
-    assert find_foreign([scan.tobytes() for scan in marked], KITTI) == 0
+    assert foreign([scan.tobytes() for scan in marked]) == 0
     for none in (0.0, np.nan, np.inf):
         missed = [np.concatenate([np.full((20, 4), none, "<f4"), scan]) for scan in scans]
-        assert find_foreign([scan.tobytes() for scan in missed], KITTI) == 0
+        assert foreign([scan.tobytes() for scan in missed]) == 0
 
 
 def test_a_header_before_wider_records_is_as_long_as_some_of_them(scans):
     rows = [np.column_stack([scan, np.arange(len(scan)) % 16]).astype("<f4") for scan in scans]
     raw = [struct.pack("<5I", len(row), 20, 0, 1, 7) + row.tobytes() for row in rows]
-    assert find_foreign(raw, "x,y,z,intensity,ring") == 20
+    assert foreign(raw, "x,y,z,intensity,ring") == 20

@@ -16,7 +16,7 @@ from automos.core.arrays import evenly_spread
 from automos.core.errors import InputError
 from automos.readers.layouts import LAYOUTS, parse_columns
 from automos.readers.record_columns import ENOUGH, Rows, columns_of, has_numbers, is_several
-from automos.readers.record_ends import find_foreign
+from automos.readers.record_ends import require_points
 
 _SIZES = range(12, 129)
 """Bytes of a record: three coordinates, to the largest struct of a driver."""
@@ -58,22 +58,8 @@ def find_columns(paths: Sequence[Path]) -> str:
         found = [LAYOUTS["bin"]]
     if len(found) != 1:
         raise InputError(_unknown(paths, sizes, found))
-    _require_points(largest, found[0])
+    require_points(evenly_spread(largest, _FILES), found[0], _ROWS)
     return _required(found[0], sizes, paths)
-
-
-def _require_points(paths: Sequence[Path], columns: str) -> None:
-    """Raise where there is more in the files at `paths` than the points of these columns."""
-    size, some = parse_columns(columns).itemsize, evenly_spread(paths, _FILES)
-    for where, cut in (("begins", "tail -c +{}"), ("ends", "head -c -{}")):
-        is_behind = where == "ends"
-        n_bytes = find_foreign([_end(path, size, is_behind) for path in some], columns, is_behind)
-        if n_bytes:
-            raise InputError(
-                f"{paths[0]} {where} with {n_bytes} bytes that are no points ({columns}), as the other files do: cut "
-                f"them off each ({cut.format(n_bytes + (not is_behind))}) and give what is left, or say with --columns "
-                "that they are"
-            )
 
 
 def _by_convention(pool: list[bytes], fitting: list[int], sizes: npt.NDArray[np.int64], paths: Sequence[Path]) -> str:
@@ -112,14 +98,6 @@ def _unknown(paths: Sequence[Path], sizes: npt.NDArray[np.int64], candidates: Co
 def _beginning(path: Path) -> bytes:
     with path.open("rb") as file:
         return file.read(_READ)
-
-
-def _end(path: Path, size: int, is_behind: bool) -> bytes:
-    """Return whole records of `size` bytes from the beginning of a file, or before its end."""
-    n_bytes = path.stat().st_size // size * size
-    with path.open("rb") as file:
-        file.seek(max(n_bytes - _READ // size * size, 0) if is_behind else 0)
-        return file.read(min(_READ // size * size, n_bytes))
 
 
 def _rows(pool: list[bytes], size: int) -> Rows:
