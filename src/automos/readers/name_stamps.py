@@ -2,12 +2,12 @@
 
 import re
 from collections.abc import Sequence
-from datetime import UTC, datetime
+from contextlib import suppress
 
 import numpy as np
 import numpy.typing as npt
 
-from automos.readers.time_order import unevenness
+from automos.readers.time_order import seconds_of, unevenness
 
 _EPOCH = (1.0e9, 2.2e9)
 """Seconds since 1970 that a recording may bear: 2001 to 2039."""
@@ -69,12 +69,8 @@ def _of_number(text: str) -> float | None:
 
 
 def _of_date(name: str) -> float | None:
-    match = _DATE.search(name)
-    if match is None:
+    if (found := _DATE.search(name)) is None:
         return None
-    *parts, fraction = match.group(1, 3, 4, 5, 7, 8, 9)
-    try:
-        whole = datetime.strptime("".join(parts), "%Y%m%d%H%M%S").replace(tzinfo=UTC)
-    except ValueError:  # a thirteenth month
-        return None
-    return whole.timestamp() + float(f"0.{fraction or 0}")
+    with suppress(ValueError):  # a thirteenth month
+        return seconds_of("{}-{}-{} {}:{}:{}.{}".format(*found.group(1, 3, 4, 5, 7, 8), found[9] or 0))
+    return None
