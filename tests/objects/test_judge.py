@@ -8,7 +8,7 @@ from automos.objects.detections import Detections
 from automos.objects.judge import is_scenery, judge_tracks, moving_now
 from automos.objects.terms import segment_terms
 from automos.objects.tracks import Tracks
-from automos.objects.verdict import Verdict
+from automos.objects.verdict import Verdict, Verdicts
 
 STAMPS = 0.1 * np.arange(20)
 
@@ -113,6 +113,17 @@ def test_what_waits_for_long_and_then_leaves_has_moved():
     now = moving_now(table, verdicts, t).p_moving >= 0.5
     assert not now[:65].any()
     assert now[75:].all()
+
+
+@pytest.mark.parametrize(("scatter", "strolls"), [(0.05, True), (0.15, False), (0.4, False)])
+def test_who_strolls_moves_now_if_her_place_is_known_well(scatter, strolls):
+    n, t = 40, 0.1 * np.arange(40)
+    center = np.stack([0.4 * t, np.zeros(n), np.ones(n)], axis=1)
+    velocity = np.tile([0.4, 0.0, 0.0], (n, 1))
+    row = np.arange(n)
+    table = Tracks(0 * row, row, 0 * row, center, np.ones((n, 3)), np.zeros(n), velocity)
+    verdicts = Verdicts(np.array([Verdict.MOVING], np.int8), np.ones(1), np.array([scatter]))
+    assert (moving_now(table, verdicts, t).p_moving >= 0.5).all() == strolls
 
 
 def test_what_has_stayed_in_every_scan_is_scenery():

@@ -1,6 +1,6 @@
 import numpy as np
 
-from automos.objects.tracks import Tracks
+from automos.objects.tracks import Tracks, without_gaps
 
 
 def table() -> Tracks:
@@ -40,3 +40,16 @@ def test_tracks_are_taken_apart_and_put_together():
     again = Tracks.from_arrays({**table().to_arrays(), "verdict": np.zeros(3)})  # saved beside other columns
     for name, column in table().to_arrays().items():
         np.testing.assert_array_equal(getattr(again, name), column)
+
+
+def test_a_body_has_a_row_in_every_scan_from_its_first_to_its_last_one():
+    track, scan = np.array([0, 0, 0, 1, 1]), np.array([2, 3, 6, 1, 3])
+    nowhere = np.arange(15.0).reshape(5, 3)
+    table = Tracks(track, scan, np.arange(5), nowhere, nowhere, np.arange(5.0), nowhere)
+    whole = without_gaps(table)
+    assert whole.track.tolist() == [0, 0, 0, 0, 0, 1, 1, 1]
+    assert whole.scan.tolist() == [2, 3, 4, 5, 6, 1, 2, 3]
+    assert whole.segment.tolist() == [0, 1, -1, -1, 2, 3, -1, 4]
+    assert whole.yaw.tolist() == [0, 1, 1, 1, 2, 3, 3, 4]
+    assert without_gaps(whole) is whole
+    assert len(without_gaps(table[:0])) == 0

@@ -24,7 +24,7 @@ from automos.objects.association import assign
 from automos.objects.looks import looks
 from automos.objects.motion import ACCELERATION, NOISE, smooth_paths
 from automos.objects.tracker import until_last_seen
-from automos.objects.tracks import Tracks, observed
+from automos.objects.tracks import Tracks, observed, without_gaps
 
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
@@ -219,7 +219,7 @@ def _link_score(tracks: Tracks, last: Rows, first: Rows, gap: Array) -> Array:
 
 
 def joined(tracks: Tracks, owner: Rows, ends: Rows, beginnings: Rows, n_points: Array) -> tuple[Tracks, Tracks]:
-    """Return the rows of bodies, and those of all their parts.
+    """Return the rows of bodies, in every scan from their first to their last one, and those of all their parts.
 
     owner : (R,) from `parts_of_bodies`.   ends, beginnings : (K,) from `links_in_time`.
     n_points : (R,) of the segment of each row, which decides which part is the body's main one in a scan.
@@ -230,4 +230,4 @@ def joined(tracks: Tracks, owner: Rows, ends: Rows, beginnings: Rows, n_points: 
     order = np.lexsort((-n_points, owner != tracks.track, ~tracks.is_observed, tracks.scan, body))
     rows = replace(tracks, track=body)[order]
     is_first = (np.diff(rows.track, prepend=-1) > 0) | (np.diff(rows.scan, prepend=-1) != 0)
-    return rows[np.flatnonzero(is_first)], observed(rows)
+    return without_gaps(rows[np.flatnonzero(is_first)]), observed(rows)

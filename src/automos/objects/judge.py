@@ -131,15 +131,16 @@ def _weighted(
 def moving_now(tracks: Tracks, verdicts: Verdicts, stamps: Array) -> Tracks:
     """Return `tracks` with the probability of moving in every scan, from the smoothed velocities of their boxes.
 
-    While a body stands its velocity is zero up to the noise of the smoother. That of a mover has heavy tails, about
-    what it has a second after it set off, as later nothing is in doubt. Velocities within the smoother's time constant,
-    before and after, are one. What has moved with probability p moves at a scan with p times the probability that
-    follows.
+    While a body stands its velocity is zero up to the noise of the smoother, or of its own sights where these scatter
+    less, as a near person's do. That of a mover has heavy tails, about what it has a second after it set off, as later
+    nothing is in doubt. Velocities within the smoother's time constant, before and after, are one. What has moved with
+    probability p moves at a scan with p times the probability that follows.
     """
     first = np.searchsorted(tracks.track, np.arange(len(tracks) + 1))
     squared = (tracks.velocity[:, :2] ** 2).sum(axis=1)
     moves = -1.5 * np.log1p(squared / ACCELERATION**2) - 2.0 * np.log(ACCELERATION)  # Cauchy in the plane
-    stands = -0.5 * squared / NOISE**2 - 2.0 * np.log(NOISE)  # NOISE over a second
+    noise = np.fmin(verdicts.scatter, NOISE)[tracks.track]  # metres, over a second
+    stands = -0.5 * squared / noise**2 - 2.0 * np.log(noise)
     times = stamps[tracks.scan]
     ratio = doubted(moves - stands, JUMPS) * looks(first, times, 2.0 * np.sqrt(NOISE / ACCELERATION))
     even = np.full(len(tracks), 0.5)

@@ -91,6 +91,15 @@ class Tracks(ColumnData):
         return slice(int(np.searchsorted(self.track, track)), int(np.searchsorted(self.track, track, side="right")))
 
 
+def without_gaps(tracks: Tracks) -> Tracks:
+    """Return `tracks` with a row for every scan from the first to the last one of each, where it was missed, too."""
+    skipped = np.where(np.diff(tracks.track) == 0, np.diff(tracks.scan) - 1, 0)
+    before = np.repeat(np.arange(len(skipped)), skipped)
+    step = np.arange(len(before)) - np.repeat(np.cumsum(skipped) - skipped, skipped) + 1
+    missed = replace(tracks[before], scan=tracks.scan[before] + step, segment=np.full(len(before), -1))
+    return Tracks.concatenate([tracks, missed]) if len(before) else tracks
+
+
 def observed(tracks: Tracks) -> Tracks:
     """Return the rows with a segment."""
     return tracks[np.flatnonzero(tracks.is_observed)]

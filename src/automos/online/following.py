@@ -147,6 +147,7 @@ class Following:
         return Verdicts(
             np.where(sets_off, lately.verdict, of_life.verdict),
             np.where(sets_off, lately.confidence, of_life.confidence),
+            of_life.scatter,
         )
 
     def _forget(
@@ -172,7 +173,8 @@ class Following:
 def _not_moving(verdicts: Verdicts, which: Mask) -> Verdicts:
     """Return the verdicts, static instead of moving for `which` (T,)."""
     p = verdicts.confidence
-    return Verdicts(np.where(which, np.int8(Verdict.STATIC), verdicts.verdict), np.where(which, 1.0 - p, p))
+    verdict = np.where(which, np.int8(Verdict.STATIC), verdicts.verdict)
+    return Verdicts(verdict, np.where(which, 1.0 - p, p), verdicts.scatter)
 
 
 def _next_step(tracker: Tracker, found: Found) -> _Step:
