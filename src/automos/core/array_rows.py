@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 _TELLS = 0.9
 """Share of some part of the directions that rows of images tell at least, and scans leave open."""
-_ROWS, _COLUMNS = 64, 1024
-"""Rows and points of each that are looked at."""
+_MOST = 256
+"""Rows, and points of each, that are looked at."""
 
 
 def are_scans(array: npt.NDArray) -> bool | None:
@@ -18,13 +18,13 @@ def are_scans(array: npt.NDArray) -> bool | None:
 
     Points are x, y, z in the sensor's frame; those at the origin or not finite are none.
     """
-    points = array[:: max(len(array) // _ROWS, 1), :: max(array.shape[1] // _COLUMNS, 1), :3].astype(np.float64)
+    points = array[:: max(len(array) // _MOST, 1), :: max(array.shape[1] // _MOST, 1), :3].astype(np.float64)
     distance = np.linalg.norm(points, axis=-1)
     is_point = np.isfinite(distance) & (distance > 0.0)
     row = np.broadcast_to(np.arange(len(points))[:, None], is_point.shape)[is_point]
     ray = points[is_point] / distance[is_point, None]
     ray -= ray.mean(axis=0) if len(ray) else 0.0
-    sums = np.zeros((len(points), 3))
+    sums = np.zeros((len(points), points.shape[2]))
     np.add.at(sums, row, ray)
     means = sums / np.maximum(np.bincount(row, minlength=len(points)), 1)[:, None]
     told = np.linalg.eigvals(np.linalg.pinv(ray.T @ ray) @ (means.T @ sums)).real.max()

@@ -127,8 +127,13 @@ def as_sequence(recording: Sequence | Iterable[Scan | npt.ArrayLike]) -> Sequenc
         return recording if is_ours else OwnSequence(recording)
     if isinstance(recording, str | Path):
         raise InputError(f"a path is opened first: automos.open_sequence({str(recording)!r}) is what label takes")
-    if isinstance(recording, np.ndarray) and recording.ndim in (2, 3) and not _holds_scans(recording):
-        raise InputError(f"one array of shape {recording.shape} is one scan: give a list with an array for each scan")
+    if isinstance(recording, np.ndarray) and recording.ndim in (2, 3) and recording.dtype.kind in "fiu":
+        are = recording.ndim == 3 and are_scans(recording)
+        if not are:
+            is_what = (
+                "is one scan" if are is False else f"may be {len(recording)} scans or one, as its points do not tell"
+            )
+            raise InputError(f"one array of shape {recording.shape} {is_what}: give a list with an array for each scan")
     try:
         sequence = ArraySequence(list(recording))
     except (TypeError, ValueError, NotImplementedError) as error:  # the last is what views of memory say of rows
@@ -158,19 +163,6 @@ def as_scan(scan: Scan | npt.ArrayLike, stamp: float | None = None) -> Scan:
         return replace(scan, **own, stamp=scan.stamp if stamp is None else float(stamp))
     except (TypeError, ValueError):
         raise InputError(f"a scan's stamp is seconds, not {stamp!r}") from None
-
-
-def _holds_scans(array: npt.NDArray) -> bool:
-    """Return whether one array is of several scans; InputError where that is open."""
-    if array.ndim == 2 or array.shape[2] < 3 or array.dtype.kind not in "fiu":
-        return array.ndim > 2  # what they are is said of the first
-    are = are_scans(array)
-    if are is None:
-        raise InputError(
-            f"the rows of an array of shape {array.shape} may be scans or parts of one, as its points do not tell: "
-            f"give list(array) for {len(array)} scans, or a list with (N, 3) arrays"
-        )
-    return are
 
 
 def _scan_from_array(array: npt.ArrayLike, index: int) -> Scan:
