@@ -24,7 +24,7 @@ XYZ = {axis: np.arange(4, dtype=np.float32) for axis in "xyz"}
         pytest.param(1.7e18 + np.array([0.0, 5e7, 1e8, 2.5e7]), id="ns since 1970, float"),
     ],
 )
-@pytest.mark.parametrize("name", ["t", "time", "timestamp", "offset_time", "Timestamp"])
+@pytest.mark.parametrize("name", ["t", "time", "timestamp", "offset_time", "Timestamp", "t_ns", "Time_us"])
 def test_times_of_any_unit_and_origin_become_seconds_after_the_first_point(times, name):
     scan = to_scan({**XYZ, name: times}, Path("a.pcd"))
     # float64 nanoseconds since 1970 are whole multiples of 256 ns

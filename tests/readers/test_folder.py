@@ -91,6 +91,14 @@ def test_a_part_of_a_drive_keeps_its_own_times_and_poses(kitti):
     assert len(sequence.truth(1)) == 7
 
 
+def test_times_may_lie_in_timestamps_txt(kitti):
+    (kitti / "times.txt").rename(kitti / "timestamps.txt")
+    np.testing.assert_array_equal(open_sequence(kitti).stamps, [0.0, 0.1, 0.21, 0.3])
+    assert open_sequence(kitti).about["times"] == "timestamps.txt"
+    (kitti / "times.txt").write_text("0\n1\n2\n3\n")
+    np.testing.assert_array_equal(open_sequence(kitti).stamps, [0, 1, 2, 3])
+
+
 def test_a_plain_folder_may_have_times_tum_poses_and_labels_too(tmp_path, write_points, columns):
     for name in ("a1.pcd", "a2.pcd", "a10.pcd"):
         write_points(tmp_path / name, columns)

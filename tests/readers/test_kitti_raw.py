@@ -127,7 +127,7 @@ def test_what_is_missing_or_damaged_is_told_with_its_file(drive):
     with pytest.raises(InputError, match=r"timestamps.txt: scan 0000000005 at .* is not after"):
         open_sequence(drive)
     times.write_text("yesterday\n" * 12)
-    with pytest.raises(InputError, match=r"timestamps.txt must hold a date and time a line"):
+    with pytest.raises(InputError, match=r"timestamps.txt must hold one time in seconds a line, or a date"):
         open_sequence(drive)
 
 

@@ -285,7 +285,8 @@ def test_a_plain_numpy_array_is_x_y_z_intensity(tmp_path, dtype):
         (np.zeros((5, 2)), r"shape \(5, 2\)"),
         (np.zeros(5), r"shape \(5,\)"),
         (np.array([["a", "b", "c"]]), "points are numbers"),
-        (np.array([[object(), 1, 2]]), "not a whole .npy file"),
+        (np.array([[object(), 1, 2]]), "a.npy holds objects of Python, which are not read; save its numbers"),
+        (np.array({"points": [[1.0, 2.0, 3.0]]}, object), "a.npy holds objects of Python, which are not read"),
     ],
 )
 def test_an_array_that_holds_no_points_is_told(tmp_path, array, message):

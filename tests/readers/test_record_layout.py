@@ -85,6 +85,20 @@ def test_columns_are_those_that_were_written(tmp_path, scans, spelled, is_even):
             np.testing.assert_allclose(scan.time, columns["time"] - columns["time"].min(), atol=1e-6)
 
 
+@pytest.mark.parametrize("with_ring", [False, True])
+def test_nanoseconds_since_1970_are_times_of_eight_bytes(tmp_path, scans, with_ring):
+    ring = [("ring", "<f4")] * with_ring
+    dtype = np.dtype([*XYZ, ("intensity", "<f4"), *ring, ("time", "<u8")])
+    start = 1_617_000_000_123_456_789
+    since = [
+        {**one, "time": np.round(1e9 * one["time"]).astype("u8") + start + 10**8 * i} for i, one in enumerate(scans)
+    ]
+    sequence = open_sequence(write(tmp_path, dtype, since))
+    np.testing.assert_allclose(sequence.stamps - 1e-9 * start, 0.1 * np.arange(len(scans)), atol=1e-6)
+    for scan, one in zip(sequence, scans, strict=True):
+        np.testing.assert_allclose(scan.time, one["time"] - one["time"].min(), atol=1e-6)
+
+
 @pytest.mark.parametrize("spelled", ["x,y,z,intensity", "x,y,z,intensity,ring,time", "x:f8,y,z,intensity"])
 def test_neither_the_order_of_points_nor_those_without_return_hide_the_columns(tmp_path, scans, spelled):
     rng = np.random.default_rng(0)
@@ -156,7 +170,7 @@ def test_points_behind_a_header_of_their_own_are_not_taken_for_larger_records(tm
     for i, columns in enumerate(scans):
         rows = np.column_stack([columns[name] for name in ("x", "y", "z", "intensity")]).astype("<f4")[:3000]
         (tmp_path / f"{i}.bin").write_bytes(b"\7" * n_bytes + rows.tobytes())
-    with pytest.raises(InputError, match=r"no header, and its content does not show .* --columns"):
+    with pytest.raises(InputError, match=r"no header that is known, and its content does not show .* --columns"):
         open_sequence(tmp_path)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.arguments import require_kind
+from automos.core.array_rows import are_scans
 from automos.core.arrays import as_array
 from automos.core.errors import InputError
 from automos.core.own_sequence import OwnSequence
@@ -126,8 +127,13 @@ def as_sequence(recording: Sequence | Iterable[Scan | npt.ArrayLike]) -> Sequenc
         return recording if is_ours else OwnSequence(recording)
     if isinstance(recording, str | Path):
         raise InputError(f"a path is opened first: automos.open_sequence({str(recording)!r}) is what label takes")
-    if isinstance(recording, np.ndarray) and recording.ndim == 2:
-        raise InputError(f"one array of shape {recording.shape} is one scan: give a list with an array for each scan")
+    if isinstance(recording, np.ndarray) and recording.ndim in (2, 3) and recording.dtype.kind in "fiu":
+        are = recording.ndim == 3 and are_scans(recording)
+        if not are:
+            is_what = (
+                "is one scan" if are is False else f"may be {len(recording)} scans or one, as its points do not tell"
+            )
+            raise InputError(f"one array of shape {recording.shape} {is_what}: give a list with an array for each scan")
     try:
         sequence = ArraySequence(list(recording))
     except (TypeError, ValueError, NotImplementedError) as error:  # the last is what views of memory say of rows

@@ -191,12 +191,12 @@ def parse_url(text: str) -> SplitResult:
 
 
 def read_array(path: Path) -> npt.NDArray[Any]:
-    """Return the array in a NumPy file; ValueError where it is none or not whole, InputError if it is no plain file."""
+    """Return the array in a NumPy file; ValueError where it is none or not whole, InputError if it is of no numbers."""
     require_regular(path)
     try:
         parsed_again(lambda: _require_whole(path))
         return parsed_again(lambda: np.load(path, allow_pickle=False))
-    except OSError:
+    except (OSError, InputError):
         raise
     except Exception as error:  # damaged headers, which are Python, break their parser in many ways
         raise ValueError(" ".join(str(error).split())) from None
@@ -222,6 +222,8 @@ def _require_whole(path: Path) -> None:
         version = np.lib.format.read_magic(file)
         read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
         shape, _, dtype = read_header(file)
+        if dtype.hasobject:
+            raise InputError(f"{path} holds objects of Python, which are not read; save its numbers with numpy.save")
         promised, got = math.prod(shape) * dtype.itemsize, path.stat().st_size - file.tell()
     if min(shape, default=1) < 0 or promised != got:
         raise ValueError(f"its header promises {promised} bytes of shape {shape}, but it holds {got}")

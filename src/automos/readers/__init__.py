@@ -33,7 +33,8 @@ class LeftOutError(InputError):
 
 FORMATS: tuple[str, ...] = (
     "zipped", "rosbag", "packets", "ouster", "argoverse2", "waymo", "nuscenes", "pandaset", "kitti_raw",
-    "kitti_tracking", "helipr", "mulran", "boreas", "apollo", "helimos", "semanticposs", "kitti", "folder",
+    "kitti_tracking", "helipr", "mulran", "boreas", "apollo", "helimos", "semanticposs", "kitti", "stacked",
+    "folder",
 )  # fmt: skip
 """Formats of recordings in the order they are tried; each is a module of this package, or one of `stamped_drives`."""
 
@@ -163,13 +164,13 @@ def _others(path: Path, found: list[_Found], format: str | None) -> list[_Found]
     LeftOutError
         Scans lie in `path` itself, too.
     """
-    from automos.readers.files import holds_scans, natural_key
+    from automos.readers.files import holds_scans, natural_key, point_files
 
     recordings = {one.path for one in found}
     is_one = path in recordings
     if not path.is_dir() or (is_one and not (path / "velodyne").is_dir()):
         return []
-    if holds_scans(path):
+    if holds_scans(path) and not recordings <= {path / name for name in point_files(path)}:
         raise LeftOutError(
             f"{path} holds scans itself, and others in folders below; move its own into a folder of their own, or name "
             "the format with --format"

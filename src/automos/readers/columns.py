@@ -19,19 +19,19 @@ Columns = dict[str, npt.NDArray]
 
 _INTENSITY = ("intensity", "i", "reflectivity", "reflectance", "remission", "signal_photons", "signal")
 _TIME = (
-    "t", "time", "timestamp", "offset_time", "time_offset", "offset_ns", "timestamps", "time_stamp", "raw_timestamp",
-    "point_time", "time_us", "time_ns", "timestamp_ns", "timestamp_us", "gps_time", "gpstime", "adjustedtime",
+    "t", "time", "timestamp", "timestamps", "time_stamp", "offset_time", "time_offset", "offset", "raw_timestamp",
+    "point_time", "gps_time", "gpstime", "adjustedtime",
 )  # fmt: skip
+_COUNTED = re.compile(r"_(n|u|m)?s(ec)?$")
 _SENSOR = ("sensor", "lidar", "lidar_id", "sensor_id")
 _RING = ("ring", "line", "channel", "laser_id", "laser_number", "beam", "ring_id", "beam_id", "channel_id", "laser")
 _AROUND_AXES = re.compile(r"points?|pos(ition)?|coord(s|inates?)?|xyz|lidar|[cm]?m")
 _NOT_METRIC = re.compile(r"[(\[{]\s*(us[- ]?)?(ft|feet|foot|in|inch|inches|yd|yards?)\s*[)\]}]\s*$")
 _UNIT = re.compile(r"[(\[{][^()\[\]{}]*[)\]}]\s*$")
-"""What stands behind a name in brackets."""
+"""What stands behind a name in brackets, as `_COUNTED` behind that of a time."""
 
 UNNAMED = ("x", "y", "z", "intensity", "ring")
 """Columns of arrays and tables that do not name them."""
-
 MAX_COLUMNS = 100
 """Numbers a point may have: a wider array has its points side by side."""
 
@@ -165,7 +165,7 @@ def from_matrix(matrix: npt.NDArray, path: Path, names: Sequence[str] = UNNAMED)
 
 def time_column(columns: Columns) -> npt.NDArray | None:
     """Return the first column named as a time whose values differ, else None."""
-    plain = _numbers(columns)
+    plain = {_COUNTED.sub("", name): column for name, column in _numbers(columns).items()}
     return next((times for name in _TIME if name in plain and _span(times := _subtractable(plain[name])) > 0), None)
 
 
@@ -176,7 +176,7 @@ def _subtractable(times: npt.NDArray) -> npt.NDArray:
 
 def has_time_column(columns: Iterable[str]) -> bool:
     """Return whether any column is named as a time, of use or not."""
-    return any(_plain(key) in _TIME for key in columns)
+    return any(_COUNTED.sub("", _plain(key)) in _TIME for key in columns)
 
 
 def ring_column(columns: Columns) -> npt.NDArray[np.uint16] | None:

@@ -12,30 +12,25 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
+from automos.core.reading import is_there
 from automos.readers.codecs import CODEC_OF_SUFFIX, suffix_codec
-from automos.readers.time_order import unevenness
+from automos.readers.name_stamps import stamps_from_names
 
 _SIDE_FILES = {"times.txt", "timestamps.txt", "poses.txt", "calib.txt", "readme.txt", "requirements.txt"}
-_TEXT = {".txt", ".csv", ".zip"}  # which may be anything
+TEXT = {".txt", ".csv", ".zip"}  # which may be anything
 
 _LONGEST_HEADER = 1 << 14
 """Bytes of a file that may be all header: longer ones hold points."""
 
-_EPOCH = (1.0e9, 2.2e9)
-"""Seconds since 1970 that a recording may bear: 2001 to 2039."""
-
-_PERIOD = (0.005, 5.0)
-"""Seconds between scans (median) that distinguish a clock from a counter."""
-
 
 def holds_point_files(folder: Path) -> bool:
     """Return whether any file of `folder` could be a scan."""
-    return any(True for _ in _point_files(folder))
+    return any(True for _ in point_files(folder))
 
 
 def holds_scans(folder: Path) -> bool:
     """Return whether any file of `folder` is a scan by its name alone; text may be anything."""
-    return any(_suffix(name) not in _TEXT for name in _point_files(folder))
+    return any(_suffix(name) not in TEXT for name in point_files(folder))
 
 
 def left_out_folders(source: Path, read: Path) -> list[str]:
@@ -65,12 +60,12 @@ def list_scans(folder: Path, codec: str | None = None) -> tuple[list[str], str, 
     InputError
         No scan files, or several kinds of them.
     """
-    names = _point_files(folder)
+    names = point_files(folder)
     if codec is not None and suffix_codec(codec) is not None:
         names = [name for name in names if CODEC_OF_SUFFIX[_suffix(name)] == suffix_codec(codec)]
-    elif any(_suffix(name) not in _TEXT for name in names):
+    elif any(_suffix(name) not in TEXT for name in names):
         # beside real point files these are notes and tables
-        names = [name for name in names if _suffix(name) not in _TEXT]
+        names = [name for name in names if _suffix(name) not in TEXT]
     if not names:
         kind = "" if codec is None else f" for format {codec!r}"
         raise InputError(f"{folder} holds no scans{kind}; give a folder of .bin, .pcd, .ply, .npy or .xyz files")
@@ -80,7 +75,7 @@ def list_scans(folder: Path, codec: str | None = None) -> tuple[list[str], str, 
         listed = ", ".join(f"{count} {suffix}" for suffix, count in counts.most_common())
         raise InputError(f"{folder} mixes formats: {listed}; keep one kind, or name it with --format")
     _require_sound(names, folder)
-    stamps = stamps_from_names(names)
+    stamps = stamps_from_names([name[: -len(_suffix(name))] for name in names])
     if stamps is not None:
         order = np.argsort(stamps)
         return [names[i] for i in order], CODEC_OF_SUFFIX[_suffix(names[0])], stamps[order]
@@ -170,61 +165,20 @@ def is_text(name: str) -> bool:
     return True
 
 
+def times_file(folder: Path) -> Path:
+    """Return where the scans' times are, there or not: `times.txt`, or without it `timestamps.txt`, as some call it."""
+    path, other = folder / "times.txt", folder / "timestamps.txt"
+    return other if is_there(other) and not is_there(path) else path
+
+
 def natural_key(name: str) -> tuple[list[str | int], str]:
     """Return a sort key under which numbers in names count as numbers: 1, 2, 10."""
     parts: list[str | int] = [int(part) if part.isdecimal() else part for part in re.split(r"(\d+)", name)]
     return parts, name
 
 
-def stamps_from_names(names: Sequence[str]) -> npt.NDArray[np.float64] | None:
-    """Return (N,) seconds if every name ends in a time, else None.
-
-    Times are seconds with decimals, seconds_nanoseconds, or whole seconds, milli-, micro- or nanoseconds since 1970;
-    they must differ and lie apart as scans do. Anything else is a counter.
-    """
-    found = [_stamp(name) for name in names]
-    if len(found) < 2 or any(stamp is None for stamp in found):
-        return None
-    stamps = np.array(found, np.float64)
-    unpadded = _unpadded_stamps(names)
-    if unpadded is not None:
-        stamps = min(unpadded, stamps, key=lambda one: unevenness(np.diff(np.sort(one))))
-    steps = np.diff(np.sort(stamps))
-    if steps.min() <= 0 or not _PERIOD[0] <= np.median(steps) <= _PERIOD[1]:
-        return None
-    return stamps
-
-
-def _unpadded_stamps(names: Sequence[str]) -> npt.NDArray[np.float64] | None:
-    """Return (N,) seconds where what is behind the points may be whole nanoseconds, 12.5000000 for 12.005; else None.
-
-    Scripts join a message's seconds and nanoseconds so. None of them begins with a zero, and some have nine digits.
-    """
-    found = [re.findall(r"(\d+)\.(\d+)", name[: -len(_suffix(name))])[-1:] for name in names]
-    parts = [part for last in found for part in last]
-    lengths = {len(behind) for _, behind in parts}
-    if len(parts) < len(names) or max(lengths) != 9 or len(lengths) == 1:
-        return None
-    if any(str(int(behind)) != behind for _, behind in parts):
-        return None
-    return np.array([int(seconds) + 1e-9 * int(behind) for seconds, behind in parts])
-
-
-def _stamp(name: str) -> float | None:
-    numbers = re.findall(r"\d+\.\d+|\d{9,10}[_-]\d{9}(?!\d)|\d+", name[: -len(_suffix(name))])
-    if not numbers:
-        return None
-    last = numbers[-1]
-    if "." in last:
-        return float(last)
-    if not last.isdecimal():
-        seconds, nanoseconds = re.split("[_-]", last)
-        return int(seconds) + int(nanoseconds) * 1e-9
-    value = int(last)
-    return next((value * unit for unit in (1e-9, 1e-6, 1e-3, 1.0) if _EPOCH[0] <= value * unit < _EPOCH[1]), None)
-
-
-def _point_files(folder: Path) -> list[str]:
+def point_files(folder: Path) -> list[str]:
+    """Return the names of what may be scans in a folder, text included; InputError where it cannot be read."""
     try:
         with os.scandir(folder) as entries:
             return [entry.name for entry in entries if _is_point_file(entry)]

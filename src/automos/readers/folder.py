@@ -63,7 +63,7 @@ class FolderSequence(Sequence):
         self._read = lru_cache(16)(self._read)  # type: ignore[method-assign]  # once, for all questions here
         self._mounts = read_mounts(self.source)
         times = self._read_times(stamps)
-        self._clock = "the files' names" if times is stamps else "times.txt"
+        self._clock = "the files' names" if times is stamps else files.times_file(self.source).name
         self._gap = usual_step(times)
         if stamps is None and self._point_times.is_absolute:
             times = sweep_starts(self._read, self.paths, self._point_times, times)
@@ -211,7 +211,7 @@ class FolderSequence(Sequence):
             return files.find_copies(self.paths, self._n_points)
 
     def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64] | None:
-        path = self.source / "times.txt"
+        path = files.times_file(self.source)
         return read_times(path, self._names) if is_there(path) else stamps_from_names
 
     def _n_points(self, index: int) -> int:

@@ -13,8 +13,8 @@ import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.core.geometry import inverse
-from automos.core.pose_files import interpolate_poses, lines_of_scans, read_poses
-from automos.core.reading import DAMAGE, is_there, read_bytes, read_text
+from automos.core.pose_files import interpolate_poses, read_poses
+from automos.core.reading import DAMAGE, is_there, read_bytes
 from automos.core.scan import Pose
 from automos.readers.box_truth import DrawnBoxes, checked_boxes
 from automos.readers.folder import FolderSequence
@@ -32,7 +32,7 @@ from automos.readers.kitti_calibration import (
 from automos.readers.listed import require_increasing
 from automos.readers.records import read_table
 from automos.readers.stamped_poses import rigid_transforms, sensor_poses, truth_beside
-from automos.readers.time_order import seconds_of
+from automos.readers.time_order import read_times
 
 _SCANS = ("velodyne_points/data", "ouster_points/data")
 """Of KITTI and KITTI-360, and of VBR's converter."""
@@ -70,14 +70,7 @@ class KittiRawSequence(KittiTruth, FolderSequence):
         path = self._folder.parent / "timestamps.txt"
         if not is_there(path):
             return None
-        try:
-            lines = [line.strip() for line in read_text(path).splitlines() if line.strip()]
-            times = np.array([seconds_of(line) for line in lines])
-        except (OSError, ValueError) as error:
-            raise InputError(
-                f"{path} must hold a date and time a line, 2011-09-26 13:02:44.335092096: {error}"
-            ) from None
-        times = times[lines_of_scans(len(times), len(self), self._names, path, "times")]
+        times = read_times(path, self._names)
         require_increasing(times, self._names, path)
         return times
 

@@ -1,4 +1,7 @@
-"""NumPy files: an (N, 3 or more) array, its transpose, an image, or a structured one with named columns; or several."""
+"""NumPy files: an (N, 3 or more) array, its transpose, an image, or a structured one with named columns; or several.
+
+One that holds several scans is a recording of its own, see `stacked`.
+"""
 
 from pathlib import Path
 from typing import IO
@@ -6,6 +9,7 @@ from typing import IO
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.array_rows import are_scans
 from automos.core.errors import InputError
 from automos.core.reading import MAX_TEXT, read_array
 from automos.readers.columns import MAX_COLUMNS, UNNAMED, Columns, from_matrix
@@ -14,22 +18,19 @@ from automos.readers.records import columns_of_field
 
 _POINTS = ("points", "point_cloud", "pointcloud", "pc", "cloud", "lidar", "scan", "xyzi", "xyz", "data", "arr_0")
 """What archives call the array of points, where they hold others, too."""
+WIDEST = 2 * len(UNNAMED)
+"""Columns that lie behind one another, at most: an array of more rows has a point in each."""
 
 
 def read(path: Path, columns: str = "") -> Columns:
     """Return the columns of one file; unnamed ones are x, y, z, intensity, ring, or as `columns` names them."""
-    try:
-        array, beside = _read_archive(path) if path.suffix.lower() == ".npz" else (read_array(path), {})
-    except InputError:
-        raise
-    except ValueError as error:
-        raise InputError(
-            f"{path} is not a whole .npy file of numbers ({error}); write it again with numpy.save"
-        ) from None
+    array, beside = _points_in(load(path), path)
     if array is None:
         return beside
     if array.dtype.names is None and array.dtype.kind not in "fiu":
         raise InputError(f"{path} holds {array.dtype} values; points are numbers")
+    if scans := stack_in(array):
+        raise InputError(f"{path} holds {len(scans)} scans, an array of shape {array.shape}; give this file itself")
     if array.dtype.names:
         flat, found = array.reshape(-1), Columns()
         for name in array.dtype.names:
@@ -41,6 +42,43 @@ def read(path: Path, columns: str = "") -> Columns:
     return found | {name: column for name, column in beside.items() if len(column) == n}
 
 
+def load(path: Path) -> dict[str, npt.NDArray]:
+    """Return the arrays in a file by their names; `points` is the only one of a .npy.
+
+    Raises
+    ------
+    InputError
+        Not such a file, or one that is not whole.
+    """
+    try:
+        return _read_archive(path) if path.suffix.lower() == ".npz" else {"points": read_array(path)}
+    except InputError:
+        raise
+    except ValueError as error:
+        raise InputError(
+            f"{path} is not a whole .npy file of numbers ({error}); write it again with numpy.save"
+        ) from None
+
+
+def stack_in(array: npt.NDArray) -> list[npt.NDArray] | None:
+    """Return the scans of an array that holds several, (S, N, C), (S, C, N) or structured (S, N); none of one scan.
+
+    None where its points do not tell which of both it is.
+    """
+    names = {name.lower(): name for name in array.dtype.names or ()}
+    if array.ndim == 3 and len(array) > WIDEST >= array.shape[1] >= 3 and array.shape[2] > MAX_COLUMNS:
+        array = array.swapaxes(1, 2)
+    points = array
+    if array.ndim == 2 and {"x", "y", "z"} <= set(names):
+        points = np.stack([array[names[axis]] for axis in "xyz"], axis=-1)
+    if points.ndim < 3 or len(points) < 2 or points.dtype.kind not in "fiu":
+        return []
+    if not 3 <= points.shape[2] <= min(MAX_COLUMNS, points.shape[1] - 1):  # as many columns as rows: matrices
+        return []
+    are_several = are_scans(points)
+    return None if are_several is None else list(array) if are_several else []
+
+
 def _is_plain(file: IO[bytes]) -> bool:
     """Return whether an array of an archive is none of Python's objects, which others keep beside the points."""
     with file:
@@ -49,23 +87,28 @@ def _is_plain(file: IO[bytes]) -> bool:
 
 def as_rows(matrix: npt.NDArray) -> npt.NDArray:
     """Return a row for each point of an array that may be an image, (H, W, C) or (C, H, W), or have (C, N) rows."""
-    if matrix.ndim == 3 and 3 <= len(matrix) <= 2 * len(UNNAMED) and matrix.shape[2] > MAX_COLUMNS:
+    if matrix.ndim == 3 and 3 <= len(matrix) <= WIDEST and matrix.shape[2] > MAX_COLUMNS:
         matrix = matrix.reshape(len(matrix), -1)
     if matrix.ndim == 3 and matrix.shape[2] <= MAX_COLUMNS:
         matrix = matrix.reshape(-1, matrix.shape[2])
-    if matrix.ndim == 2 and 3 <= len(matrix) <= 2 * len(UNNAMED) and matrix.shape[1] > MAX_COLUMNS:
+    if matrix.ndim == 2 and 3 <= len(matrix) <= WIDEST and matrix.shape[1] > MAX_COLUMNS:
         matrix = matrix.T
     return matrix
 
 
-def _read_archive(path: Path) -> tuple[npt.NDArray | None, Columns]:
-    """Return the array of points of an archive, None where it has one for each axis, and those of a number a point."""
+def _read_archive(path: Path) -> dict[str, npt.NDArray]:
     with np.load(path, allow_pickle=False) as archive:
         if sum(entry.file_size for entry in archive.zip.infolist()) > MAX_TEXT:
             raise ValueError(f"its arrays unpack to more than {MAX_TEXT >> 20} MB")
         files = {file.removesuffix(".npy"): file for file in archive.zip.namelist()}
         arrays = {name: archive[name] for name in archive.files if _is_plain(archive.zip.open(files[name]))}
-    arrays = {name: array[:, 0] if array.shape[1:] == (1,) else array for name, array in arrays.items()}
+    return {name: array[:, 0] if array.shape[1:] == (1,) else array for name, array in arrays.items()}
+
+
+def _points_in(arrays: dict[str, npt.NDArray], path: Path) -> tuple[npt.NDArray | None, Columns]:
+    """Return a file's array of points, None where there is one for each axis, and those of a number a point."""
+    if len(arrays) == 1:
+        return next(iter(arrays.values())), {}
     rows = {name: array for name, array in arrays.items() if array.ndim == 1 and not array.dtype.names}
     if {"x", "y", "z"} <= {name.lower() for name in rows}:
         n = len(next(array for name, array in rows.items() if name.lower() == "x"))

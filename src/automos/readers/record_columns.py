@@ -129,8 +129,9 @@ def _rest_of(
     own, order, size = int(kind[-1]), kind[0], rows.shape[1]
     while at < size:
         best = ("_", "V2")
-        for width, letter in ((own, "f"), (8, "f"), (4, "f"), (4, "u"), (2, "u")):
-            if at % width == 0 and at + width <= size and best[0] in ("_", "") and best[1] != f"{order}u2":
+        for width, letter in ((own, "f"), (8, "f"), (8, "u"), (4, "f"), (4, "u"), (2, "u")):
+            aligned = at % (4 if letter == "u" else width) == 0 or width == 2
+            if aligned and at + width <= size and best[0] in ("_", "") and best[1] != f"{order}u2":
                 form = f"{order}{letter}{width}"
                 name = _name_of(_field(rows, at, form), form, xyz, {name for name, _ in found} | {*taken})
                 if name is not None and (width <= own or name == "time") and (name != "_" or best[1] == "V2"):
@@ -142,6 +143,8 @@ def _rest_of(
 
 def _name_of(values: npt.NDArray, kind: str, xyz: npt.NDArray[np.float64], taken: set[str]) -> str | None:
     """Return what a column (N,) beside coordinates `xyz` is; "_": of no known use, None: no column of this type."""
+    if kind[1:] == "u8" and np.ptp(values >> 32) > 1:  # of nanoseconds, this counts 4 s
+        return None
     if len(np.unique(values)) == 1:
         return "_"
     if "ring" not in taken and _is_ring(values, xyz):

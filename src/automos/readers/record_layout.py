@@ -16,6 +16,7 @@ from automos.core.arrays import evenly_spread
 from automos.core.errors import InputError
 from automos.readers.layouts import LAYOUTS, parse_columns
 from automos.readers.record_columns import ENOUGH, Rows, columns_of, has_numbers, is_several
+from automos.readers.record_ends import require_points
 
 _SIZES = range(12, 129)
 """Bytes of a record: three coordinates, to the largest struct of a driver."""
@@ -57,6 +58,7 @@ def find_columns(paths: Sequence[Path]) -> str:
         found = [LAYOUTS["bin"]]
     if len(found) != 1:
         raise InputError(_unknown(paths, sizes, found))
+    require_points(evenly_spread(largest, _FILES), found[0], _ROWS)
     return _required(found[0], sizes, paths)
 
 
@@ -87,8 +89,9 @@ def _unknown(paths: Sequence[Path], sizes: npt.NDArray[np.int64], candidates: Co
     odd = int(np.argmax(sizes % 16 != 0))
     fits = "; fitting are " + " and ".join(f"--columns {one}" for one in candidates) if candidates else ""
     return (
-        f"{paths[odd]} has {sizes[odd]} bytes and no header, and its content does not show which columns its points "
-        f"have{fits}: say which, as in --columns x,y,z,intensity or --columns x:f8,y,z, or copy the file again"
+        f"{paths[odd]} has {sizes[odd]} bytes and no header that is known, and its content does not show which columns "
+        f"its points have{fits}: say which, as in --columns x,y,z,intensity or --columns x:f8,y,z, or copy the file "
+        "again"
     )
 
 

@@ -40,7 +40,7 @@ def read_times(path: Path, names: Sequence[str]) -> npt.NDArray[np.float64]:
         lines = [line.strip() for line in read_text(path).splitlines() if line.strip()]
         times = np.array([seconds_of(line) if ":" in line else float(line) for line in lines])
     except (OSError, ValueError) as error:
-        raise InputError(f"{path} must hold one time in seconds a line: {error}") from None
+        raise InputError(f"{path} must hold one time in seconds a line, or a date: {error}") from None
     step = usual_step(times) or 0.0
     if step > _SLOWEST[0] and np.array_equal(times, np.floor(times)):
         times = times * next((unit for unit in (1e-3, 1e-6) if unit * step <= _SLOWEST[1]), 1e-9)

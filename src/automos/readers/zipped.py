@@ -70,11 +70,7 @@ class ZippedSequence(OwnSequence):
 
         self._folder = tempfile.TemporaryDirectory(prefix="automos-")
         place = Path(self._folder.name) / path.stem
-        with _opened(path) as archive:
-            needed, room = sum(member.file_size for member in archive.infolist()), shutil.disk_usage(place.parent).free
-            if needed > 0.9 * room:
-                raise InputError(f"{path} unpacks to {needed >> 20} MB, and {place.parent} has room for {room >> 20}")
-            archive.extractall(place)
+        self._unpack(path, place)
         while len(inside := [p for p in place.iterdir() if not p.name.startswith((".", "__MACOSX"))]) == 1:
             if inside[0].suffix.lower() in CODEC_OF_SUFFIX:
                 break  # a scan, or a folder called as one: what holds it is the recording
@@ -87,6 +83,14 @@ class ZippedSequence(OwnSequence):
             raise InputError(str(error).replace(self._folder.name, str(path.parent))) from None
 
         self.source, self.name, self._archive = path, path.stem, path
+
+    def _unpack(self, path: Path, place: Path) -> None:
+        """Write what is in the file at `path` into a new folder `place`; errors are those of `__init__`."""
+        with _opened(path) as archive:
+            needed, room = sum(member.file_size for member in archive.infolist()), shutil.disk_usage(place.parent).free
+            if needed > 0.9 * room:
+                raise InputError(f"{path} unpacks to {needed >> 20} MB, and {place.parent} has room for {room >> 20}")
+            archive.extractall(place)
 
     @property
     def address(self) -> Path:

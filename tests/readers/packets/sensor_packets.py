@@ -31,6 +31,27 @@ def hesai(model: str, azimuth: list[int], ranges: np.ndarray, microseconds: int)
     return head + body + bytes(10) + struct.pack("<BH", 0x37, 600) + date + struct.pack("<IBI", microseconds, 0x42, 7)
 
 
+def at128(azimuth: list[int], ranges: np.ndarray, microseconds: int, size: int = 1118) -> bytes:
+    """Return a packet of an AT128: two blocks at azimuths in 1/25600 degrees, ranges (2, 128) in units of 4 mm.
+
+    Every channel has its number as reflectivity.
+    """
+    blocks = b"".join(
+        struct.pack("<HB", *divmod(a, 256)) + b"".join(struct.pack("<HBB", int(r), k, 1) for k, r in enumerate(row))
+        for a, row in zip(azimuth, ranges, strict=True)
+    )
+    head = bytes([0xEE, 0xFF, 4, 3, 0, 0, 128, 2, 0, 4, 1, 9])
+    tail = bytes(18) + struct.pack("<hIBB", 2000, microseconds, 0x37, 0x42) + bytes([125, 6, 1, 12, 0, 0])
+    return (head + blocks + bytes(4) + tail).ljust(size, b"\0")
+
+
+def correction(starts: list[int], azimuth: np.ndarray, elevation: np.ndarray, bent: np.ndarray, unit: int = 1) -> bytes:
+    """Return an AT128's angle correction file 1.5: angles in `unit`/25600 degrees, bent (2, 128, 180) in unit/100."""
+    head = bytes([0xEE, 0xFF, 1, 5, 128, 3, 3, 1, 2, 4, 0, 0, 0, 0, 0, unit])
+    angles = struct.pack("<6I256i", *starts, *starts[1:], starts[0], *azimuth, *elevation)
+    return head + angles + bent.astype("i1").tobytes() + bytes(32)
+
+
 def robosense(model: int, azimuth: list[int], ranges: np.ndarray, microseconds: int) -> bytes:
     """Return a packet of an RS-LiDAR-16 (1) or -32 (2) of 12 blocks; ranges (12, 32) in units of 5 mm."""
     stamp = bytes([25, 6, 1, 12, 0, 0]) + struct.pack(">HH", *divmod(microseconds, 1000))

@@ -106,6 +106,77 @@ def test_the_sensors_own_table_of_angles_is_obeyed_and_another_refused(tmp_path)
         open_sequence(path)
 
 
+def at128_drive(path, n_frames=4, size=1118):
+    """Write a capture and its correction file; return azimuths (n,) in degrees, ranges (n, 128), seconds (n,), angles.
+
+    The azimuth runs on by 0.05 degrees a block, but blocks are sent only where a mirror looks ahead.
+    """
+    rng = np.random.default_rng(5)
+    starts = np.array([23.0703125, 143.4375, 263.125])
+    azimuth = rng.integers(-30_000, 30_000, 128)
+    elevation = np.linspace(165_000, -160_000, 128).astype(int)
+    bent = rng.integers(-40, 40, (2, 128, 180))
+    raw = made.correction((25600 * starts / 2).astype(int).tolist(), azimuth, elevation, bent, unit=2)
+    path.with_suffix(".dat").write_bytes(raw)
+    turned = 150.0 + 0.05 * np.arange(2400 * (n_frames + 1))
+    since = np.min([(turned - start) % 360 for start in starts], axis=0)
+    is_sent = (since > 15) & (since < 75)
+    turned, seconds = turned[is_sent], (turned[is_sent] - 150.0) / 1200.0
+    ticks = np.round(25600 * (turned % 360)).astype(int)
+    ranges = rng.integers(0, 40_000, (len(ticks), 128))
+    packets = [
+        (seconds[k], made.at128(ticks[k : k + 2].tolist(), ranges[k : k + 2], round(1e6 * seconds[k]) % 10**6, size))
+        for k in range(0, len(ticks) // 2 * 2, 2)
+    ]
+    send(path, packets)
+    return ticks / 25600, ranges, seconds, (starts, azimuth * 2 / 25600, elevation * 2 / 25600, 0.02 * bent)
+
+
+@pytest.mark.parametrize("size", [1078, 1118])
+def test_the_points_of_an_at128_lie_where_its_mirrors_send_the_beams(tmp_path, size):
+    azimuth, ranges, seconds, (starts, offset, elevation, bent) = at128_drive(tmp_path / "drive.pcap", size=size)
+    sequence = open_sequence(tmp_path / "drive.pcap")
+    assert sequence.warnings == []
+    assert sequence.about == {"files": "of a Hesai AT128"}
+    scans = list(sequence)
+    knots, every = np.arange(0, 361, 2), np.concatenate([bent, bent[..., :1]], axis=-1)
+    last = np.array([max(start for start in (*starts, starts[2] - 360) if start <= a) for a in azimuth])
+    around, steep = np.empty(ranges.shape), np.empty(ranges.shape)
+    for beam in range(128):
+        around[:, beam] = 2 * (azimuth - last) - offset[beam] + np.interp(azimuth, knots, every[0, beam])
+        steep[:, beam] = elevation[beam] + np.interp(azimuth, knots, every[1, beam])
+    around, steep, r = np.radians(around), np.radians(steep), 0.004 * ranges
+    xyz = np.stack([r * np.cos(steep) * np.sin(around), r * np.cos(steep) * np.cos(around), r * np.sin(steep)], -1)
+    got = np.concatenate([scan.points for scan in scans])
+    np.testing.assert_allclose(got, np.stack([xyz[..., 0], xyz[..., 1], xyz[..., 2]], -1)[ranges > 0], atol=1e-4)
+    channel = np.broadcast_to(np.arange(128), ranges.shape)[ranges > 0]
+    np.testing.assert_array_equal(np.concatenate([scan.ring for scan in scans]), 127 - channel)
+    np.testing.assert_array_equal(np.concatenate([scan.intensity for scan in scans]), channel)
+    when = np.concatenate([scan.time.astype(float) + (scan.stamp - START) for scan in scans])
+    np.testing.assert_allclose(when, np.broadcast_to(seconds[:, None], ranges.shape)[ranges > 0], atol=3e-6)
+    # every scan is what one mirror saw
+    mirrors = [
+        np.unique(last[(seconds > s.stamp - START - 1e-6) & (seconds < s.stamp - START + s.time[-1])]) for s in scans
+    ]
+    assert [len(one) for one in mirrors] == [1] * len(scans)
+    np.testing.assert_allclose(np.diff(sequence.stamps)[1:-1], 0.1, atol=0.001)
+
+
+def test_an_at128_without_its_angle_correction_file_or_with_another_is_refused(tmp_path):
+    path = tmp_path / "drive.pcap"
+    at128_drive(path, 1)
+    whole = path.with_suffix(".dat").read_bytes()
+    path.with_suffix(".dat").unlink()
+    with pytest.raises(
+        InputError, match=r"beams of its Hesai AT128 point; save the sensor's angle correction .*drive.dat"
+    ):
+        open_sequence(path)
+    for wrong in (b"", whole[:-1], whole[:3] + b"\3" + whole[4:], bytes(len(whole))):
+        path.with_suffix(".dat").write_bytes(wrong)
+        with pytest.raises(InputError, match=r"drive.dat is no angle correction file of version 1.5 of an AT128"):
+            open_sequence(path)
+
+
 def robosense_drive(model, n_packets):
     per_block = 40 if model == 1 else 20
     azimuth = (per_block * np.arange(12 * n_packets)) % 36000

@@ -69,7 +69,9 @@ class TableDecoder:
         points = blocks["points"]  # (P, B, C)
         n_blocks = points.shape[1]
         step = float(np.median(np.diff(clock))) if len(clock) > 1 else 0.0
-        azimuth = blocks["azimuth"].astype(np.int64) if self.layout.turns else None
+        azimuth = blocks["azimuth"].astype(np.float64) if self.layout.turns else None
+        if azimuth is not None and "fine" in (blocks.dtype.names or ()):
+            azimuth += blocks["fine"] / 256
         is_dual = azimuth is not None and bool((azimuth[:, ::2] == azimuth[:, 1::2]).mean() > 0.5)
         turn = np.arange(n_blocks) // (1 + is_dual) * (1 + is_dual) / n_blocks  # two returns of a ray are a block each
         within = np.resize(self.layout.fired, points.shape[2]) * (1 + is_dual) / n_blocks
@@ -95,11 +97,10 @@ class TableDecoder:
         assert self._beams is not None
         steps = np.diff(azimuth.reshape(-1)[::n_returns]) % 36000
         turned = float(np.median(steps[steps > 0])) if steps.any() else 0.0
-        n = points.shape[2]
-        elevation = np.radians(np.resize(self._beams.elevation, n))
-        fired = azimuth[..., None] + turned * np.resize(self.layout.fired, n)
-        mount = np.radians(self.layout.ahead - 0.01 * fired)
-        heading = mount - np.radians(np.resize(self._beams.azimuth, n))
+        fired = 0.01 * (azimuth[..., None] + turned * np.resize(self.layout.fired, points.shape[2]))
+        around, elevation = map(np.radians, self._beams.towards(fired))
+        ahead = np.radians(self.layout.ahead)
+        heading, mount = ahead - around, ahead - np.radians(fired)
         distance = points["range"] * self.layout.unit
         level, reach = distance * np.cos(elevation), self.layout.lens * (distance > 0)
         x = level * np.cos(heading) + reach * np.cos(mount)

@@ -28,13 +28,15 @@ class Layout:
     ----------
     sensor : its name, by which its beams are found.
     marks : bytes that such packets have at a place each.
-    dtype : one packet. `points` lie in it, or in its `blocks` of one `azimuth` (1/100 degrees) each; they have x, y and
-        z, a range and two angles, or a range along a beam. `milli`, `micro`, `nano` are its clock, `number` its own.
+    dtype : one packet. `points` lie in it, or in its `blocks` of one `azimuth` (1/100 degrees, and `fine` 1/256 of
+        these) each; they have x, y and z, a range and two angles, or a range along a beam. `milli`, `micro`, `nano` are
+        its clock, `number` its own.
     unit : metres that their lengths count.
     hour : seconds after which the clock begins anew, 0 where it does not.
     ahead : degrees counter-clockwise from x at which the azimuth is 0.
     fired : (C,) when each point of a block is measured, as a share of the time until the next block.
     lens : metres from the axis to where the rays begin.
+    mirrors : how often it looks ahead in a turn, a scan each; in between, where the azimuth is 0, it sees nothing.
     """
 
     sensor: str
@@ -45,6 +47,7 @@ class Layout:
     ahead: float = 0.0
     fired: tuple[float, ...] = (0.0,)
     lens: float = 0.0
+    mirrors: int = 1
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -89,7 +92,7 @@ class Layout:
         """Return (N,) how far the sensor has come in its turn or frame at each packet, in 1/36000 of it."""
         rows = self.rows(packets)
         if self.turns:
-            return rows["blocks"]["azimuth"][:, 0].astype(np.int64)
+            return self.mirrors * rows["blocks"]["azimuth"][:, 0].astype(np.int64) % 36000
         if "number" in self.names:
             return _IN_TURN * rows["number"].astype(np.int64)
         return (36000 * (rows["nano"] % _FRAME) // _FRAME).astype(np.int64)
@@ -127,6 +130,7 @@ def _robosense(sensor: str, number: int, fired: tuple[float, ...], lens: float) 
     return Layout(sensor, marks, dtype, 5e-3, 1.0, 0.0, fired, lens)
 
 
+_FINE_BLOCK = _at(515, azimuth=("<u2", 0), fine=("u1", 2), points=((_return("<", 4), (128,)), 3))
 _M1_POINT = _at(9, range=(">u2", 0), pitch=(">u2", 2), yaw=(">u2", 4), intensity=("u1", 6))
 _M1 = _at(1210, number=(">u2", 4), micro=(">u4", 16), blocks=((_at(47, points=((_M1_POINT, (5,)), 2)), (25,)), 32))
 _LENGTHS = _at(14, x=("<i4", 0), y=("<i4", 4), z=("<i4", 8), intensity=("u1", 12))
@@ -170,6 +174,15 @@ LAYOUTS = (
     *_hesai("PandarXT-16", (568,), _XT + bytes([16, 8]), (12, 8, 16), 4, 559),
     *_hesai("PandarXT-32", (1080,), _XT + bytes([32, 8]), (12, 8, 32), 4, 1071),
     *_hesai("PandarXT-32M", (820,), _XT + bytes([32, 6]), (12, 6, 32), 4, 811),
+    *(
+        Layout(
+            *("Hesai AT128", {0: bytes.fromhex("EEFF0403"), 6: bytes([128, 2])}),
+            _at(size, blocks=((_FINE_BLOCK, (2,)), 12), micro=("<u4", 1066)),
+            *(4e-3, 1.0, 90.0),
+            mirrors=3,
+        )
+        for size in (1078, 1082, 1086, 1118)  # with its number, a sum of its bytes, a signature
+    ),
     _robosense("RS-LiDAR-16", 1, tuple((k * 55.5 + c * 2.8) / 111.0 for k in range(2) for c in range(16)), 0.03825),
     _robosense(
         *("RS-LiDAR-32", 2),

@@ -90,7 +90,7 @@ class PacketSequence(SensorSequence):
         return list(self._decoder.warnings)
 
     def _files(self) -> list[Path]:
-        return [self.source, *filter(is_there, [table_beside(self.source)])]
+        return [self.source, *filter(is_there, [table_beside(self.source, self._layout)])]
 
     def __getstate__(self) -> dict[str, Any]:
         return {key: value for key, value in self.__dict__.items() if key not in ("_file", "_decoder")}

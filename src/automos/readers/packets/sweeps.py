@@ -1,7 +1,7 @@
 """Where the sweeps of sensors begin in a capture, from what their packets say of the turn and the time.
 
-A sweep begins where a turning sensor comes round to the direction of the capture's first packet, or where another
-begins a frame, so all but the last are whole.
+A sweep begins where a turning sensor comes round to the direction of the capture's first packet, so all but the last
+are whole; or where another begins a frame.
 """
 
 from collections.abc import Iterator
@@ -83,7 +83,7 @@ class SweepCutter:
         known = packets if self._last is None else join([self._last, packets])
         if self._last is None:
             self._seconds = float(packets.seconds[0])
-            self._turn[0] = turned[0] if self._layout.turns else 0.0
+            self._turn[0] = turned[0] if self._layout.turns and self._layout.mirrors == 1 else 0.0
         clock = self._layout.clock(known)
         seconds = (self._seconds + clock - clock[0])[len(known) - len(packets) :]
         is_first = np.zeros(len(packets), bool)

@@ -1,0 +1,77 @@
+"""Scans that lie in one NumPy file: an array (S, N, 3 or more), or an archive with a numbered array for each."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.errors import InputError
+from automos.readers.codecs import CODEC_OF_SUFFIX
+from automos.readers.files import TEXT, natural_key, point_files
+from automos.readers.formats import Format
+from automos.readers.zipped import ZippedSequence
+
+_TIMES = re.compile(r"t|(time_?)?(stamp|time)s?")
+
+
+def _scans_of(path: Path) -> tuple[list[npt.NDArray] | None, npt.NDArray | None]:
+    """Return the scans in a file, none where it holds one, None where that is open; and (S,) their times, if any."""
+    from automos.readers.npy import WIDEST, load, stack_in
+
+    arrays = load(path)
+    clouds = {name: array for name, array in arrays.items() if array.ndim > 1 or array.dtype.names}
+    are_numbered = len({name.rstrip("0123456789") for name in clouds}) == 1
+    if len(clouds) > WIDEST and are_numbered:  # of fewer, one may be of points, others of what is known of them
+        found: list[npt.NDArray] | None = [clouds[name] for name in sorted(clouds, key=natural_key)]
+    else:
+        found = stack_in(*clouds.values()) if len(clouds) == 1 else []
+    sized = (name for name, array in arrays.items() if found and array.shape == (len(found),))
+    return found, next((arrays[name] for name in sized if _TIMES.fullmatch(name.lower())), None)
+
+
+def find(path: Path) -> list[Path]:
+    """Return the file at `path`, or those in a folder that holds no others, if they hold several scans each.
+
+    Raises
+    ------
+    InputError
+        It is the only one, and its points do not tell how many it holds.
+    """
+    names = sorted(point_files(path), key=natural_key) if path.is_dir() else []
+    files = [file for file in (path, *(path / name for name in names)) if file.is_file() and file.suffix not in TEXT]
+    if not files or any(CODEC_OF_SUFFIX.get(file.suffix.lower()) != "npy" for file in files):
+        return []
+    try:
+        first = _scans_of(files[0])[0]
+    except InputError:
+        if path.is_file():
+            raise
+        return []  # said when the scan is read
+    if first is None and len(files) == 1:
+        raise InputError(
+            f"{files[0]} holds an array whose rows may be scans or parts of one, as its points do not tell: save one "
+            "scan as (N, 3 or more) in a folder, and of several a file each"
+        )
+    return files if first and all(_scans_of(file)[0] for file in files[1:]) else []
+
+
+class StackedSequence(ZippedSequence):
+    """The scans of one file, which lie in a temporary folder, a file each, for as long as this does."""
+
+    def _unpack(self, path: Path, place: Path) -> None:
+        place.mkdir()
+        scans, times = _scans_of(path)
+        for i, scan in enumerate(scans or ()):
+            np.save(place / f"{i:06d}.npy", scan)
+        if times is not None:
+            (place / "times.txt").write_text("\n".join(map(str, times.tolist())))
+
+
+FORMAT = Format(
+    layout="scans in one file: .npy of shape (S, N, 3 or more), .npz of numbered arrays",
+    truth="",
+    find=find,
+    open=StackedSequence,
+    has_codecs=True,
+)
