@@ -71,6 +71,7 @@ CHOICES: dict[str, dict[str, Any]] = {
     "objects may climb": {f"{PAIRS}:MAX_CLIMB": NEVER},
     "objects may lose their points": {f"{PAIRS}:MAX_COUNT_RATIO": NEVER},
     "sizes do not choose": {f"{PAIRS}:SIZE_WEIGHT": 0.0},
+    "evidence does not choose": {f"{PAIRS}:EVIDENCE_WEIGHT": 0.0},
     "nothing is out of sight for long": {"tracking.max_gap": 0.0},
     "what movers pass by moves, too": {"automos.objects.places:OUTNUMBERED": NEVER},
     "ground beside objects stays ground": {"tracking.completion.margin": 0.0},

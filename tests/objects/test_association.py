@@ -72,7 +72,7 @@ def cost_of_seeing(before: Boxes, now: Boxes) -> float:
     belief.mean[:, kalman.VELOCITY] = 0.0
     belief = kalman.predict(belief, 0.1, noise)
     one = np.zeros(1, np.int64)
-    objects = Objects(belief.mean, belief.covariance, one, nothing, one + 1, count)
+    objects = Objects(belief.mean, belief.covariance, one, nothing, one + 1, np.full(1, 0.5), count)
     return float(motion_cost(objects, Detections.of_objects(now, count, nothing, nothing), noise, GateSettings())[0, 0])
 
 

@@ -21,6 +21,7 @@ are: two solid objects cannot be in one place, and the centre of a lorry jumps b
 MAX_COUNT_RATIO = 5.0  # greatest ratio of the numbers of points
 SIZE_WEIGHT = 4.0  # cost of a change of size, in squared standard deviations
 LEAST_SIDE = 0.1  # metres: of what is thinner, ratios of sides say nothing
+EVIDENCE_WEIGHT = 2.0  # cost of a change from all points moving to all static
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +31,7 @@ class Objects(kalman.Beliefs):
     track: Rows  # number
     unseen: Array  # seconds since the last observation
     misses: Rows  # scans since then
+    share: Array  # in [0, 1], moving share of the evidence so far
     count: Array  # of points at the last observation
 
 
@@ -50,7 +52,7 @@ def motion_cost(objects: Objects, found: Detections, noise: FilterSettings, sett
 
     The paper's gates are in metres per scan: an object faster than 2 m per scan never gets a second observation, and
     one that shows another side changes its volume. Here the gate is the innovation covariance of the filter; size,
-    height and number of points choose among the detections within it.
+    height, number of points and evidence choose among the detections within it.
     """
     cost = np.full((len(objects), len(found)), np.inf)
     deviation = np.sqrt(objects.covariance[:, [0, 1], [0, 1]].max(axis=1, initial=0.0))
@@ -67,9 +69,10 @@ def motion_cost(objects: Objects, found: Detections, noise: FilterSettings, sett
     growth = (np.abs(before - now) / (1.0 + np.maximum(before, now))).max(axis=-1, initial=0.0)
     # For an object of few points, a difference of a few points has no meaning.
     thinning = np.abs(np.log((objects.count[k] + 3.0) / (found.n_points[j] + 3.0)))
+    settling = objects.share[k] - found.moving_share[j]
     is_possible = (squared < settings.gate**2) & (climb < MAX_CLIMB)
     is_possible &= thinning < np.log(MAX_COUNT_RATIO)
-    price = squared + climb + SIZE_WEIGHT * growth + thinning
+    price = squared + climb + SIZE_WEIGHT * growth + thinning + EVIDENCE_WEIGHT * np.abs(settling)
     cost[k, j] = np.where(is_possible, price, np.inf)
     return cost
 

@@ -85,6 +85,5 @@ def same_box_nearest(measured: Array, yaw: Array) -> Array:
     quarters = np.round((yaw - measured[:, YAW]) / (0.5 * np.pi))
     out[:, YAW] += quarters * 0.5 * np.pi
     is_swapped = quarters.astype(np.int64) % 2 == 1
-    sides = slice(SIZE.start, SIZE.stop - 1)
-    out[is_swapped, sides] = measured[is_swapped, sides][:, ::-1]
+    out[is_swapped, 4], out[is_swapped, 5] = measured[is_swapped, 5], measured[is_swapped, 4]
     return out

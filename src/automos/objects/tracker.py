@@ -25,6 +25,7 @@ from automos.objects.tracks import Tracks
 from automos.settings import TrackingSettings
 
 Rows = npt.NDArray[np.int64]
+_MEMORY = 0.7  # weight of an object's earlier evidence when it is observed again
 LONGEST_STEP = 0.4
 """Seconds between scans from which on there is no tracking: a car of four metres at 10 m/s has left its place, so any
 car of the lane may be associated with it. The evidence on each scan decides instead (`object_points.find_moved`)."""
@@ -53,7 +54,7 @@ class Tracker:
         settings, dt = self._settings, 0.0 if self._last_stamp is None else stamp - self._last_stamp
         alive = kalman.predict(self._alive, dt, settings.filter)
         alive = replace(alive, unseen=alive.unseen + dt, misses=alive.misses + 1)
-        alive = replace(alive, count=alive.count.copy())  # it is written to
+        alive = replace(alive, share=alive.share.copy(), count=alive.count.copy())  # they are written to
         matched, detected = assign(_cost(alive, found, settings))
         _update(alive, found, matched, detected, settings)
         segment = np.full(len(alive), -1)
@@ -114,13 +115,13 @@ def can_follow(stamps: Array) -> bool:
 
 def _start(found: Detections, settings: TrackingSettings) -> Objects:
     """Return all of `found` as new objects; those that have moved get the velocity variance of traffic."""
-    n = len(found)
+    n, share = len(found), found.moving_share
     variance = np.full(n, settings.filter.initial_velocity_variance)
     if settings.method == "evidence":
-        variance[found.moving_share > 0.5] = settings.gates.speed**2
+        variance[share > 0.5] = settings.gates.speed**2
     belief, zero = kalman.start(found.boxes, settings.filter, variance), np.zeros(n, np.int64)
     count = found.n_points.astype(np.float64)
-    return Objects(belief.mean, belief.covariance, zero, np.zeros(n), zero.copy(), count)
+    return Objects(belief.mean, belief.covariance, zero, np.zeros(n), zero.copy(), share, count)
 
 
 def _cost(objects: Objects, found: Detections, settings: TrackingSettings) -> Array:
@@ -134,4 +135,5 @@ def _update(alive: Objects, found: Detections, matched: Rows, detected: Rows, se
     after = kalman.update(alive[matched], found.boxes[detected], settings.filter)
     alive.mean[matched], alive.covariance[matched] = after.mean, after.covariance
     alive.unseen[matched], alive.misses[matched] = 0.0, 0
+    alive.share[matched] = _MEMORY * alive.share[matched] + (1.0 - _MEMORY) * found.moving_share[detected]
     alive.count[matched] = found.n_points[detected]
