@@ -19,7 +19,8 @@ def box_center(time: float | np.ndarray) -> np.ndarray:
 
 def made_up_sweep(stamp: float) -> np.ndarray:
     """Return (N, 3) points: in a walled square, a box overtakes the sensor."""
-    turn, elevation = np.meshgrid((np.arange(256) + 0.5) / 256, np.linspace(-0.5, 0.0, 32, endpoint=False), indexing="ij")
+    beams = np.linspace(-0.5, 0.0, 32, endpoint=False)  # radians, none along the horizon
+    turn, elevation = np.meshgrid((np.arange(256) + 0.5) / 256, beams, indexing="ij")
     azimuth, time = 2.0 * np.pi * turn.ravel() - np.pi, stamp + (turn.ravel() - 0.5) / USUAL_RATE
     rays = np.column_stack([np.cos(azimuth), np.sin(azimuth), np.tan(elevation.ravel())])
     sensor = SPEED * time[:, None] * np.array([1.0, 0.0, 0.0]) + np.array([0.0, 0.0, HEIGHT])
