@@ -21,10 +21,12 @@ HeightMap = npt.NDArray[np.floating]
 SECTORS = 360  # around the sensor
 START_RANGE = 10.0  # metres: range within which the initial height of the ground is taken
 STEP = 0.12  # metres: step by which ground may rise or fall (a kerb)
-MAX_BEND = 0.06  # metres per metre: greatest change of the ground's slope; where it is less, sectors start level
+MAX_BEND = 0.06  # metres per metre: greatest change of the ground's slope
 MAX_STEP = 0.3  # metres: greatest difference from the expected height, at any distance; ground is not further below
 MAX_SLOPE = 0.35  # steepest ground, rise over run
-PLANE_ROUNDS = 6  # of the fit of the plane around the sensor, in which cells that are a step off it count little
+SLOPING = 0.05  # rise over run of the ground around the sensor, below which sectors start level
+PLANE_SPREAD, PLANE_ROUNDS = 0.2, 6
+"""Metres from the plane around the sensor beyond which cells count little, and iterations of its fit."""
 PLANE_LEAD = 1.5
 """Least ratio of the cells on that plane, which are most, to those at the start height: in traffic no plane fits."""
 GHOST_DEPTH = 0.15  # metres: a point this far below the sight line over nearer ground is a mirror image
@@ -81,12 +83,12 @@ def _start(lowest: npt.NDArray, cell: float) -> tuple[float, Array]:
     for _ in range(PLANE_ROUNDS):
         weighted = ground * weights[:, None]
         plane = np.linalg.lstsq(weighted.T @ ground, weighted.T @ heights, rcond=None)[0]
-        weights = (1.0 + ((heights - ground @ plane) / STEP) ** 2) ** -2
+        weights = (1.0 + ((heights - ground @ plane) / PLANE_SPREAD) ** 2) ** -2
     lows = near.min(axis=1)
     start = float(np.percentile(lows[np.isfinite(lows)], 30))
     on_plane, on_level = (np.count_nonzero(np.abs(heights - z) < STEP) for z in (ground @ plane, start))
     is_plane = on_plane > max(0.5 * len(heights), PLANE_LEAD * on_level)
-    if is_plane and MAX_BEND < np.hypot(*plane[:2]) < MAX_SLOPE:
+    if is_plane and SLOPING < np.hypot(*plane[:2]) < MAX_SLOPE:
         return float(plane[2]), directions @ plane[:2]
     return start, level
 
