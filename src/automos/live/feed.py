@@ -8,9 +8,9 @@ import time
 from dataclasses import replace
 
 from automos.core.errors import AutomosError, InputError
-from automos.core.recording_warnings import USUAL_RATE
 from automos.core.scan import Scan, Sequence
 from automos.live.latest import Latest
+from automos.odometry.clock import USUAL_PERIOD
 
 
 class Feed:
@@ -99,7 +99,7 @@ class Replay(Feed):
         begin, first = time.monotonic(), None
         for i, name in enumerate(self._sequence.names):
             scan = self._sequence[i]
-            stamp = i / USUAL_RATE if stamps is None else float(stamps[i])
+            stamp = USUAL_PERIOD * i if stamps is None else float(stamps[i])
             first = stamp if first is None else first
             if self._speed > 0.0:
                 due = begin + (stamp - first) / self._speed

@@ -29,7 +29,8 @@ def likeliest(probabilities: Mapping[str, float]) -> Kind:
 
 
 EXTENT = np.array([[4.5, 1.85, 1.6], [8.0, 2.6, 3.2], [1.8, 0.65, 1.5], [0.75, 0.7, 1.7]])
-"""Metres, usual length, width and height of all kinds but the last; a quarter of each is its standard deviation."""
+"""Metres, usual length, width and height of all kinds but the last, and `SPREAD`, their standard deviations."""
+SPREAD = 0.25 * EXTENT
 FASTEST = np.array([60.0, 40.0, 25.0, 4.0])  # m/s
 HIDDEN = 4.0  # decrease of the log-likelihood by a whole length, width or height that a body did not show
 UNLIKE = -9.0  # log-likelihood of what is of no kind
@@ -41,7 +42,7 @@ def kind_probabilities(shown: Array, speed: Array) -> Array:
     shown : (B, 3) metres, greatest length, width and height that a body showed.   speed : (B,) m/s, its greatest.
     """
     beyond = shown[:, None, :] - EXTENT
-    score = np.where(beyond > 0.0, -0.5 * (4.0 * beyond / EXTENT) ** 2, HIDDEN * beyond / EXTENT).sum(axis=2)
+    score = np.where(beyond > 0.0, -0.5 * (beyond / SPREAD) ** 2, HIDDEN * beyond / EXTENT).sum(axis=2)
     score = np.where(speed[:, None] > FASTEST, -np.inf, score)
     score = np.hstack([score, np.full((len(shown), 1), UNLIKE)])
     odds = np.exp(score - score.max(axis=1, keepdims=True))
@@ -52,5 +53,5 @@ def whole_extent(shown: Array, speed: Array) -> Array:
     """Return (B, 3) the extents of bodies: what they showed, or their likeliest kind's where they showed too little."""
     kind = kind_probabilities(shown, speed).argmax(axis=1)
     usual = np.vstack([EXTENT, np.zeros(3)])[kind]
-    least = np.vstack([0.5 * EXTENT, np.zeros(3)])[kind]
+    least = np.vstack([EXTENT - 2.0 * SPREAD, np.zeros(3)])[kind]
     return np.where(shown >= least, shown, usual)

@@ -14,6 +14,7 @@ from automos.core.recording_warnings import GAP, USUAL_RATE
 from automos.core.scan import LATEST, Sequence
 from automos.settings import RecordingSettings
 
+USUAL_PERIOD = 1.0 / USUAL_RATE  # seconds
 MOST_UNEVEN = 1e-7  # least ratio of the shortest time between scans to the usual one: no clock resolves both
 SHORTEST_PERIOD = 1e-3  # seconds: no sensor has a shorter period
 LONGEST_GAP = 10.0  # seconds that a gap counts at most: over a longer pause, the motion before it says nothing
@@ -49,7 +50,7 @@ class RunningClock:
     @property
     def period(self) -> float:
         """Seconds, the usual time between scans."""
-        return float(np.median(self._steps)) if self._steps else 1.0 / USUAL_RATE
+        return float(np.median(self._steps)) if self._steps else USUAL_PERIOD
 
     def tick(self, stamp: float | None) -> tuple[float, float]:
         """Return the stamp of the next scan, and its gap to the last one in periods (0 for the first)."""
@@ -57,7 +58,7 @@ class RunningClock:
         if self._n == 1:
             self.stamp = stamp or 0.0
             return self.stamp, 0.0
-        self.stamp = before + 1.0 / USUAL_RATE if stamp is None else stamp
+        self.stamp = before + USUAL_PERIOD if stamp is None else stamp
         passed = round(self.stamp - before, STAMP_DIGITS)
         if passed > 0.0:  # otherwise out of order
             usual = self.period if self._steps else passed
@@ -79,7 +80,7 @@ def read_clock(sequence: Sequence, rate: float | None = None) -> Clock:
     InputError
         The stamps are not one per scan, do not increase, or are not seconds.
     """
-    n, given, period = len(sequence), sequence.stamps, 1.0 / (rate or USUAL_RATE)
+    n, given, period = len(sequence), sequence.stamps, USUAL_PERIOD if rate is None else 1.0 / rate
     stamps = period * np.arange(n, dtype=np.float64) if given is None else as_array(given, "f8", (n,), "stamps")
     if not (np.abs(stamps) < LATEST).all():
         odd = stamps[int(np.argmin(np.abs(stamps) < LATEST))]

@@ -73,9 +73,12 @@ Link = tuple[int, int]
 class _Fitted(NamedTuple):
     kernel: float
     T: Pose  # (4, 4) T_center_scan
-    submap: Submap
-    surfels: Surfels
+    submap: Submap | None
+    surfels: Surfels | None
     fit: Fit
+
+
+_NO_FIT = _Fitted(0.0, np.eye(4), None, None, Fit(np.zeros((6, 6)), np.zeros(6), 0, 0, 0, 0.0))
 
 
 class Links:
@@ -132,17 +135,13 @@ class Links:
         submaps = dict(zip(centers, each(partial(self._submap, window), centers), strict=True))
         ids = np.array(links, int).reshape(-1, 2) - window.first
         T_center_scan = inverse(T[ids[:, 1]]) @ T[ids[:, 0]]
-        made = [self._fits.get(link) for link in links]
-        T_then = T_center_scan.copy()
-        for k, known in enumerate(made):
-            T_then[k] = T_center_scan[k] if known is None else known.T
+        made = [self._fits.get(link, _NO_FIT) for link in links]
+        T_then = np.array([known.T for known in made]).reshape(-1, 4, 4)
         is_other = is_moved(T_then, T_center_scan)
         change = small_motion(T_then, T_center_scan)
 
         def is_known(k: int) -> bool:
             known, (scan, center) = made[k], links[k]
-            if known is None:
-                return False
             is_same = known.submap is submaps[center] and known.surfels is window.surfels[scan - window.first]
             return known.kernel == kernel and is_same and not is_other[k]
 
@@ -155,8 +154,9 @@ class Links:
             return _Fitted(kernel, T, submap, surfels, found)
 
         todo = [k for k in range(len(links)) if not is_known(k)]
-        self._fits.update(zip([links[k] for k in todo], each(fit, todo), strict=True))
-        kept = zip([self._fits[link] for link in links], made, change, strict=True)
+        fitted = dict(enumerate(made)) | dict(zip(todo, each(fit, todo), strict=True))
+        self._fits.update(zip(links, fitted.values(), strict=True))
+        kept = zip(fitted.values(), made, change, strict=True)
         return [new.fit.moved(c) if new is old else new.fit for new, old, c in kept]
 
     def _submap(self, window: Window, center: int) -> Submap:

@@ -19,8 +19,7 @@ from automos.core.geometry import Array, inverse
 from automos.core.scan import Pose
 from automos.odometry.facing import BESIDE, EVIDENCE, WEIGHTS, facing_surfaces, score_distances, weighed_down
 from automos.odometry.isolated import count_met_again, isolated_points
-from automos.odometry.motion import MIN_STEP
-from automos.odometry.speed import SPEED_ROUNDS, direction_of, lengthen, to_likely_speed
+from automos.odometry.speed import direction_of, lengthen, to_likely_speed
 from automos.odometry.submap import CLOSE
 from automos.odometry.window import Window
 from automos.settings import OdometrySettings
@@ -28,9 +27,11 @@ from automos.settings import OdometrySettings
 N_AROUND = 3  # steps on either side that define the usual speed
 TRIED = np.arange(1.0, 7.0)  # hypotheses on the gaps of a step: up to five consecutive missing scans are detected
 LAGS = 2  # steps over which surfaces are re-observed, at most: over more, errors of several steps add up
+ROUNDS = 3  # searches for the speed, at most, each with the gaps that were found at the previous one
+LEAST_STEP = 0.2  # metres; if steps are usually shorter, double steps cannot be distinguished from single ones
 STEP_NOISE = 0.05  # metres, error of a registration from scan to scan
 MISTAKEN = 14.0  # greatest log-odds that a registration contributes: it may follow traffic
-SELDOM = 8.0  # prior log-odds that no scan is missing at a place; one more for each further missing scan
+SELDOM, EACH = 8.0, 1.0  # prior log-odds that no scan is missing at a place, and for each further missing scan
 REFOUND = 30.0  # log-odds if over one of three pairs of scans, all that faces along the path is re-observed
 CHANCE = 0.1  # share re-observed by chance for each missing scan: posts along a road are evenly spaced
 
@@ -38,7 +39,7 @@ CHANCE = 0.1  # share re-observed by chance for each missing scan: posts along a
 def count_missing(window: Window, settings: OdometrySettings, pool: ThreadPoolExecutor | None = None) -> Array:
     """Return (N - 1,) the likely gaps between the scans, at the likely speed."""
     given = window.gaps
-    for _ in range(SPEED_ROUNDS):
+    for _ in range(ROUNDS):
         window = to_likely_speed(window, settings, pool)
         refound = refound_after(window, settings.overhead, pool)
         before = window.gaps
@@ -75,7 +76,7 @@ def find_missing(
     Equation: missing
     """
     travelled, found = steps[:, :3, 3], gaps
-    rarity = SELDOM + TRIED - 1.0
+    rarity = SELDOM + EACH * (TRIED - 1.0)
     certain = np.hypot(STEP_NOISE, usual_acceleration * (period * TRIED) ** 2)
     for _ in range(2):  # neighbouring steps may have gaps, too
         velocity, found = travelled / found[:, None], gaps.copy()
@@ -87,7 +88,7 @@ def find_missing(
             before, after = medians[0], medians[-1]
             usual = 0.5 * (before + after)
             length = np.linalg.norm(usual)
-            if length < 2.0 * MIN_STEP:
+            if length < LEAST_STEP:
                 continue  # double steps are hardly longer
             deviation = np.hypot(certain, 0.5 * TRIED * np.linalg.norm(after - before))  # either side may be right
             off = np.linalg.norm(travelled[k] - TRIED[:, None] * usual, axis=1) / deviation
@@ -115,7 +116,7 @@ def refound_after(window: Window, overhead: float, pool: ThreadPoolExecutor | No
     def shares(first: int) -> Array:
         """Return (2, 6) the shares for the steps after a scan."""
         share_of = np.zeros((LAGS, len(TRIED)))
-        if single[first] < 2.0 * MIN_STEP:
+        if single[first] < LEAST_STEP:
             return share_of
         submap, whole = facing_surfaces(surfels[first], forward, overhead)
         for last in range(first + 1, min(first + LAGS, len(steps)) + 1):

@@ -16,8 +16,8 @@ from dataclasses import replace
 import numpy as np
 
 from automos.core.geometry import Array, inverse, se3_exp, se3_log
-from automos.core.recording_warnings import USUAL_RATE
 from automos.core.scan import Pose, Scan
+from automos.odometry.clock import USUAL_PERIOD
 from automos.odometry.elevation import raised_scan
 from automos.odometry.followed import Posed, TimedScan
 from automos.odometry.links import MIN_MATCHED, Alignment, Consistency, Links, share_close
@@ -86,7 +86,7 @@ class Path:
         self._is_start_known, self.twist = twist is not None, np.zeros(6) if twist is None else twist
         self._T_first: Pose = np.eye(4) if T_world_first is None else T_world_first
         nothing = np.zeros((0, 6)), np.zeros((0, 4, 4)), np.zeros(0)
-        self.window = Window([], *nothing, 1.0 / USUAL_RATE, 0.0)
+        self.window = Window([], *nothing, USUAL_PERIOD, 0.0)
         self._leaving = dict[float, Pose]()
         self._share = 0.0  # of surfels that fitted in the last scans
         self._n_final, self._is_one = 0, True  # how many of the window's scans; whether they are of one LiDAR

@@ -17,7 +17,7 @@ from automos.core.normal_equations import FIXED, NormalEquations
 from automos.core.scan import Pose
 from automos.odometry.links import MIN_MATCHED, Alignment, Consistency, Link, Links, consistency_of, share_close
 from automos.odometry.motion import can_be_driven
-from automos.odometry.speed import SPEED_ROUNDS, SpeedSearch, is_ahead, lengthen, search_speed
+from automos.odometry.speed import SpeedSearch, is_ahead, lengthen, search_speed
 from automos.odometry.submap import Fit
 from automos.odometry.surfels import SURFEL
 from automos.odometry.window import SAME_POSE, Window
@@ -26,6 +26,7 @@ from automos.settings import OdometrySettings
 INFORMATION = 0.05
 """Share of a surfel's weight that counts, since errors of neighbouring surfels are correlated."""
 LOOSE = 1e-3  # prior information on every pose, which keeps scans without links in place
+SPEED_ROUNDS = 5  # searches for the speed, at most, each from the poses of the previous one
 WIDE = 3.0
 """Metres between points that match, at most: a sensor in a hand is turned within a scan by more than surfaces are
 looked for."""

@@ -36,7 +36,6 @@ from automos.settings import OdometrySettings
 
 GAIN = 0.2
 """Share of a full score by which that of another speed must be higher, and prior of the registration's own speed."""
-SPEED_ROUNDS = 5  # searches for the speed, at most, each from the poses or the gaps of the previous one
 MIN_RATIO = 0.8  # least ratio of the true speed to the initial estimate
 MIN_STRAIGHTNESS = 0.8
 """Least agreement of steps on a direction in the sensor's frame, 0 to 1."""

@@ -15,7 +15,6 @@ import numpy as np
 
 from automos.core.arrays import evenly_spread
 from automos.core.errors import InputError
-from automos.core.recording_warnings import USUAL_RATE
 from automos.core.scan import Pose, Sequence
 from automos.odometry.clock import Clock
 from automos.odometry.drifting_seam import learn_drifting_seam
@@ -30,6 +29,8 @@ _log = logging.getLogger(__name__)
 SEAMS_DEG = (180.0, 0.0, 90.0, -90.0)
 """Azimuth seams that are tried, the most common first: others must be clearly better."""
 CIRCLE = [SweepTiming("azimuth", turn=turn, seam_deg=seam, share=1.0) for seam in SEAMS_DEG for turn in (-1, 1)]
+USUAL_PERIODS = (0.1, 0.05)
+"""Seconds, common rotation periods of sensors."""
 AT_A_STEADY_RATE = SweepTiming("index", share=1.0)
 """Of a sensor without a rotating head, whose azimuth does not advance: points are appended as they are measured."""
 N_LIKELY = 3
@@ -144,10 +145,10 @@ def _best_seam(search: Search, untimed: list[SweepTiming]) -> SweepTiming | None
 
 
 def _shares(timing: SweepTiming, clock: Clock) -> list[float]:
-    """Return the shares of the time between scans that a sweep may take (10 or 20 a second) if scans were dropped."""
+    """Return the shares of the time between scans that a sweep may take if scans were dropped."""
     if timing.source == "file":  # its times contain the sweep duration
         return []
-    usual = [turns / (USUAL_RATE * clock.period) for turns in (1.0, 0.5)] if clock.has_stamps else []
+    usual = [period / clock.period for period in USUAL_PERIODS] if clock.has_stamps else []
     return sorted({0.5, *(round(share, 3) for share in usual if share < 0.5)})
 
 

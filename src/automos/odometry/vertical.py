@@ -26,9 +26,10 @@ Shapes = tuple[Points, npt.NDArray[np.float32]]
 
 TRIALS = 1000
 """Planes through three surfels that are tried: if a fifth of the surface is ground, eight of them lie on it."""
-FLAT = 0.05
-"""Metres, deviation along the normal of a surfel that lies in a plane, at most; one that stands has more. The mean of
-one that lies in it is within three deviations: allows for kerbs and ruts."""
+DISTANCE = 0.15
+"""Metres between a plane and its inliers, at most: allows for kerbs and ruts."""
+FLAT = DISTANCE / 3.0
+"""Metres, deviation along the normal of a surfel that lies in a plane, at most; one that stands has more."""
 STANDING = 1.0
 """Metres above a plane in which things stand on it."""
 SHARE = 0.1
@@ -137,11 +138,11 @@ def _score_planes(points, covariance, normals, heights):  # type: ignore[no-unty
             d = heights[j]
             for k in range(3):
                 d += normals[j, k] * points[i, k]
-            if d < -9.0 * FLAT:
+            if d < -3.0 * DISTANCE:
                 lying[j] -= 2.0
             elif abs(d) < STANDING:
                 is_flat = variance_along(covariance[i], normals[j]) < FLAT * FLAT
-                if is_flat and abs(d) < 3.0 * FLAT:
+                if is_flat and abs(d) < DISTANCE:
                     lying[j] += 1.0
                 elif d > 0.0 and not is_flat:
                     standing[j] += 1.0
@@ -153,9 +154,9 @@ def _fit_plane(points: Array, covariance: Array, plane: Array) -> Array:
     normal = plane[:3]
     spread = covariance @ (normal[[0, 0, 0, 1, 1, 2]] * normal[[0, 1, 2, 1, 2, 2]] * [1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
     lying = points[spread < FLAT * FLAT]
-    for n in (12.0, 6.0, 3.0, 3.0):
+    for reach in (4.0, 2.0, 1.0, 1.0):
         residual = lying @ plane[:3] + plane[3]
-        near = lying[np.abs(residual) < n * FLAT]
+        near = lying[np.abs(residual) < reach * DISTANCE]
         if len(near) < MIN_POINTS:
             return plane
         centre = near.mean(axis=0)

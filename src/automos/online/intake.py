@@ -11,9 +11,8 @@ from enum import Enum, auto
 
 import numpy as np
 
-from automos.core.recording_warnings import USUAL_RATE
 from automos.core.scan import LATEST, Points, Scan
-from automos.odometry.clock import SHORTEST_PERIOD, STEPS
+from automos.odometry.clock import SHORTEST_PERIOD, STEPS, USUAL_PERIOD
 
 LONGEST_GAP = 0.8
 """Seconds without scans after which tracking stops, and the sensor may have been replaced."""
@@ -43,7 +42,7 @@ class Intake:
 
     def __init__(self, longest_gap: float = LONGEST_GAP, rate: float | None = None) -> None:
         """Take the seconds without scans after which a new stream starts, and the scans a second without stamps."""
-        self._longest_gap, self._period = longest_gap, 1.0 / (rate or USUAL_RATE)
+        self._longest_gap, self._period = longest_gap, USUAL_PERIOD if rate is None else 1.0 / rate
         self._stamp: float | None = None
         self._own: float | None = None  # of the last scan, as it came
         self._ahead: float | None = None  # of a scan after a pause that no other scan has confirmed
