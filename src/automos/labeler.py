@@ -25,7 +25,6 @@ from automos.core.array_sequence import as_scan
 from automos.core.errors import InputError
 from automos.core.made_up_sweep import made_up_sweep
 from automos.core.parallel import available_cores, checked_workers, one_ahead
-from automos.core.recording_warnings import USUAL_RATE
 from automos.core.scan import Pose, Scan
 from automos.online.guard import Guard
 from automos.online.intake import LONGEST_GAP, Intake, Kind, Taken
@@ -117,7 +116,7 @@ class Labeler:
         """Load what labelling needs, or compile it (up to a minute): then the first scan is as fast as others."""
         labeler = Labeler(self.settings, lag=self.lag, threads=self._threads)
         for i in range(WARM_UP):
-            labeler.push(made_up_sweep(i / USUAL_RATE).astype(np.float32), i / USUAL_RATE)
+            labeler.push(made_up_sweep(0.1 * i).astype(np.float32), 0.1 * i)
         labeler.finish()
 
     def push(self, scan: Scan | npt.ArrayLike, stamp: float | None = None) -> list[LabelledScan]:

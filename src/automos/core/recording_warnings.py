@@ -9,22 +9,23 @@ from automos.core.scan import Sequence
 
 GAP = 1.5
 """Times the usual step of the clock from which scans are missing."""
+NEAREST, FARTHEST = 0.15, 10.0
+"""Seconds between a scan and those that can show what moved: the spans of the evidence, with their tolerance."""
 ENOUGH = 8
 """Such scans that it takes: with fewer, what drives and rides past in the open is not found reliably."""
 USUAL_RATE = 10.0
 """Scans a second where nobody says how many there are."""
 
 
-def recording_warnings(sequence: Sequence, reach: tuple[float, float], rate: float | None = None) -> list[str]:
+def recording_warnings(sequence: Sequence, rate: float | None = None) -> list[str]:
     """Return what a reader of labels of `sequence` should know of the recording; nothing where it is regular.
 
-    `reach` : seconds, least and most, between a scan and those that can show what moved.
     `rate` : scans a second of a recording without times, if known.
     """
     return [
         *sequence.warnings,
         *_assumed(sequence, rate),
-        *_few(sequence, reach, rate),
+        *_few(sequence, rate),
         *_doubled(sequence),
         *([] if sequence.stamps is None else _missing(sequence.stamps, sequence.names)),
         *_foreign_poses(sequence),
@@ -46,20 +47,20 @@ def _assumed(sequence: Sequence, rate: float | None) -> list[str]:
     return [f"No scan has a time: {USUAL_RATE:g} scans a second are assumed. If it is another number, give --rate HZ."]
 
 
-def _few(sequence: Sequence, reach: tuple[float, float], rate: float | None) -> list[str]:
+def _few(sequence: Sequence, rate: float | None) -> list[str]:
     """Where hardly another scan can be asked about a scan, nothing moving is not a finding."""
-    n, (nearest, farthest) = len(sequence), reach
+    n = len(sequence)
     stamps = np.arange(n) / (rate or USUAL_RATE) if sequence.stamps is None else sequence.stamps
     asked = np.array(evenly_spread(stamps, 50))  # all pairs of scans would fill the memory
     apart = np.abs(asked[:, None] - stamps[None])
-    others = int(np.median(((apart >= nearest) & (apart <= farthest)).sum(axis=1))) if n else 0
+    others = int(np.median(((apart >= NEAREST) & (apart <= FARTHEST)).sum(axis=1))) if n else 0
     if others >= ENOUGH:
         return []
     lasting = float(np.ptp(stamps)) if n else 0.0
     few = f"{n} scan over" if n == 1 else f"{n} scans over"
     return [
         f"{few} {lasting:.2g} s {'is' if n == 1 else 'are'} too few to decide what moves: a scan is compared with "
-        f"others {nearest:g} to {farthest:g} s before and after it, of which there are {others} here and should be "
+        f"others {NEAREST:g} to {FARTHEST:g} s before and after it, of which there are {others} here and should be "
         f"{ENOUGH} or more. What is not called moving may move all the same: give more of the recording."
     ]
 

@@ -38,6 +38,7 @@ GRAZING = 0.15
 NEAR_SHARE, NEAR_MARGIN = 0.15, np.float32(0.1)
 """Least share of scans that return from within arm's reach where an arm swings (other objects pass there once), and
 metres by which the body may reach beyond the farthest of these returns."""
+MIN_OVERLAP = 0.8  # least share of a part's cells that must be present in both the first and the last third
 MAX_DRIFT = 0.025  # metres: greatest change of a part's range from the first third of the recording to the last
 STEADIEST = 25  # percentile of a part's drift that counts: a hinged part is steady at its hinge, traffic is nowhere
 MIN_CELLS = 4  # least number of neighbouring rays that meet a part of the body
@@ -154,7 +155,7 @@ def _stays_put(ends: Ranges, near: Ranges, slack: Ranges, pattern: BeamPattern, 
     overlap = np.bincount(part, in_both, n_parts) / np.maximum(size, 1)
     drift = np.where((ends[:, v, u] > 0.0).all(axis=0), np.ptp(ends[:, v, u], axis=0), np.nan)
     drift *= settings.tolerance / np.maximum(slack[v, u], settings.tolerance)
-    is_body = (overlap >= settings.min_share) & (size >= MIN_CELLS)
+    is_body = (overlap >= MIN_OVERLAP) & (size >= MIN_CELLS)
     for k in np.flatnonzero(is_body):
         of_part = drift[(part == k) & np.isfinite(drift)]
         is_body[k] = len(of_part) > 0 and np.percentile(of_part, STEADIEST) <= MAX_DRIFT

@@ -34,12 +34,6 @@ SPAN_TOLERANCE = 0.25  # share of a span by which the time of the asked scan may
 SURE_HITS = 2  # number of hits, without any free-space observation, after which no more scans are asked
 
 
-def reach_of(settings: FreeSpaceSettings | None = None) -> tuple[float, float]:
-    """Return the seconds, least and most, between a scan and those that report on it; by default without `settings`."""
-    spans = (settings or FreeSpaceSettings()).spans
-    return (1.0 - SPAN_TOLERANCE) * min(spans), (1.0 + SPAN_TOLERANCE) * max(spans)
-
-
 class FreeSpace:
     """Evidence for a whole recording; the sensor's pattern and the ego body are learnt at the start."""
 

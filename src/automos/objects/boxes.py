@@ -12,7 +12,7 @@ from automos.core.kernels import kernel
 from automos.core.upright_boxes import Boxes
 
 _MAX_POINTS = 400  # large segments are subsampled evenly, which does not change the heading
-LEAST_SCATTER = 0.05  # m, of points about a face: closer to it, none is closer than another
+_MIN_DISTANCE = 0.05  # m: lower bound of the distance to a side, so that closeness is bounded
 
 
 def fit_boxes(points: npt.NDArray, ids: npt.NDArray[np.int32], scores: npt.NDArray) -> Boxes:
@@ -100,5 +100,5 @@ def _closeness(points, angle):  # type: ignore[no-untyped-def]
         u = c * points[i, 0] + d * points[i, 1]
         v = c * points[i, 1] - d * points[i, 0]
         nearest = min(min(u - low_u, high_u - u), min(v - low_v, high_v - v))
-        total += 1.0 / max(nearest, LEAST_SCATTER)
+        total += 1.0 / max(nearest, _MIN_DISTANCE)
     return total

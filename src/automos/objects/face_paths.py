@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from automos.objects.boxes import LEAST_SCATTER
 from automos.objects.motion import smooth_paths
 
 Array = npt.NDArray[np.float64]
+LEAST_SCATTER = 0.05  # metres, of the faces of a box
 
 
 def path_terms(first: npt.NDArray[np.int64], times: Array, faces: Array) -> tuple[Array, Array, Array]:

@@ -18,7 +18,6 @@ USUAL_PERIOD = 1.0 / USUAL_RATE  # seconds
 MOST_UNEVEN = 1e-7  # least ratio of the shortest time between scans to the usual one: no clock resolves both
 SHORTEST_PERIOD = 1e-3  # seconds: no sensor has a shorter period
 LONGEST_GAP = 10.0  # seconds that a gap counts at most: over a longer pause, the motion before it says nothing
-STEPS = 50  # last ones of a stream, which say what is usual
 STAMP_DIGITS = 9
 """Decimals of a stamp (nanoseconds), so that the same clock read from two formats is identical to the last bit."""
 
@@ -45,7 +44,7 @@ class RunningClock:
 
     def __init__(self) -> None:
         self.stamp = 0.0  # seconds, of the last scan
-        self._n, self._steps = 0, deque[float](maxlen=STEPS)
+        self._n, self._steps = 0, deque[float](maxlen=50)
 
     @property
     def period(self) -> float:

@@ -18,7 +18,7 @@ from automos.odometry.refine import align
 from automos.odometry.submap import CLOSE
 from automos.odometry.surfels import Surfels, scan_surfels
 from automos.odometry.sweep_timing import SweepTiming, azimuth_times
-from automos.odometry.window import Window, length_of
+from automos.odometry.window import NEAR, Window
 from automos.settings import OdometrySettings
 
 WINDOWS = 2
@@ -95,7 +95,8 @@ def moving_windows(
 
 def bend_of(T_world_sensor: Pose) -> float:
     """Return by how many metres the motion between neighbouring scans distorts a sweep, on average."""
-    bends = length_of(se3_log(inverse(T_world_sensor[:-1]) @ T_world_sensor[1:]))
+    travelled, turned = np.split(se3_log(inverse(T_world_sensor[:-1]) @ T_world_sensor[1:]), 2, axis=1)
+    bends = np.linalg.norm(travelled, axis=1) + NEAR * np.linalg.norm(turned, axis=1)
     return float(bends.mean()) if len(bends) else 0.0
 
 

@@ -25,9 +25,10 @@ SAMPLES = 5
 """Scans, or pairs of neighbouring ones, from which it is learnt how a recording was made."""
 SECTORS, ALL_ROUND = 36, 30
 """Sectors of azimuth, and in how many a sensor that spins about its z axis has points."""
+MIN_CONCENTRATION = 0.9
+"""Length of the mean direction within a block, at least: 1 if all azimuths agree, 0 if the file is shuffled."""
 NEARLY_ALL = 0.95
-"""Share of blocks that must advance in the overall direction, and of points on which two timings must agree; and
-length of the mean direction within a block, at least: 1 if all azimuths agree, 0 if the file is shuffled."""
+"""Share of blocks that must advance in the overall direction, and of points on which two timings must agree."""
 FIXED = 0.005
 """Turns by which a fixed start may drift from one scan to the next."""
 NOISE = 0.1
@@ -72,7 +73,7 @@ def learn_order(sequence: Sequence) -> PointOrder | None:
     whole += drift + whole < 0.5 * turns  # a narrow field of view still takes one turn
     per_scan = float(np.median(drift + whole))
     mean = np.exp(2j * np.pi * start).mean()
-    is_fixed = np.abs(mean) > NEARLY_ALL and abs(per_scan - round(per_scan)) < FIXED
+    is_fixed = np.abs(mean) > MIN_CONCENTRATION and abs(per_scan - round(per_scan)) < FIXED
     return PointOrder(turn, turns, per_scan, float(np.angle(mean) / (2.0 * np.pi)) if is_fixed else None)
 
 
@@ -121,7 +122,7 @@ def _read(scan: Scan) -> tuple[int, float, float] | None:
         return None
     steps = np.diff(azimuth[is_known]) - np.round(np.diff(azimuth[is_known]))
     turn = 1 if steps.sum() > 0.0 else -1
-    if np.median(concentration[is_known]) > NEARLY_ALL and np.mean(turn * steps > 0.0) > NEARLY_ALL:
+    if np.median(concentration[is_known]) > MIN_CONCENTRATION and np.mean(turn * steps > 0.0) > NEARLY_ALL:
         whole = _at_points(_unwrap(azimuth, turn), block, len(scan))
         if TURNS[0] < whole[-1] < TURNS[1]:
             first = azimuth[is_known][0] - turn * whole[np.flatnonzero(is_known)[0] * block + block // 2]

@@ -14,15 +14,8 @@ from automos.odometry.surfels import Surfels
 
 SAME_POSE = NOISE / 10.0
 """Metres within which poses are the same, a tenth of a surfel's noise: iterations end, and what was computed stays."""
-
-
 NEAR = 15.0
 """Metres, distance of typical walls: weight of a rotation relative to a translation."""
-
-
-def length_of(twists: Array) -> Array:
-    """Return (...,) metres by which motions (..., 6) move what is near the sensor, at the distance of typical walls."""
-    return np.linalg.norm(twists[..., :3], axis=-1) + NEAR * np.linalg.norm(twists[..., 3:], axis=-1)
 
 
 def is_moved(T: Pose, T_now: Pose) -> Mask:
@@ -67,7 +60,7 @@ class Window:
     def moved(self, T_world_sensor: Pose) -> Window:
         """Return the same scans at other poses, with surfels compensated for the motion between these."""
         changes = self.share * step_twists(T_world_sensor, self.gaps) - self.twists
-        is_other = length_of(changes) > SAME_POSE
+        is_other = np.linalg.norm(changes[:, :3], axis=1) + NEAR * np.linalg.norm(changes[:, 3:], axis=1) > SAME_POSE
         changes[~is_other] = 0.0
         surfels = [s.compensated(c) if m else s for s, c, m in zip(self.surfels, changes, is_other, strict=True)]
         return replace(self, surfels=surfels, twists=self.twists + changes, T_world_sensor=T_world_sensor)

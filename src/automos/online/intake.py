@@ -12,7 +12,7 @@ from enum import Enum, auto
 import numpy as np
 
 from automos.core.scan import LATEST, Points, Scan
-from automos.odometry.clock import SHORTEST_PERIOD, STEPS, USUAL_PERIOD
+from automos.odometry.clock import SHORTEST_PERIOD, USUAL_PERIOD
 
 LONGEST_GAP = 0.8
 """Seconds without scans after which tracking stops, and the sensor may have been replaced."""
@@ -48,7 +48,7 @@ class Intake:
         self._ahead: float | None = None  # of a scan after a pause that no other scan has confirmed
         self._points: Points | None = None
         self._n_lidars = 0
-        self._steps: deque[float] = deque(maxlen=STEPS)
+        self._steps: deque[float] = deque(maxlen=20)
         self._n_late = 0
         self._trouble: Kind | None = None
         self._is_stopped = False

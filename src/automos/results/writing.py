@@ -26,7 +26,6 @@ from automos.core.pose_writers import write_kitti, write_tum
 from automos.core.recording_warnings import recording_warnings, scan_rate
 from automos.core.scan import Sequence
 from automos.core.workspace import COMPLETE, RUN_FILE, UNFINISHED, Workspace
-from automos.evidence.free_space import reach_of
 from automos.objects.verdict import Verdict
 from automos.odometry.clock import rate_of
 from automos.pipeline import Found
@@ -79,7 +78,7 @@ def write_results(
             "input": sequence.fingerprint(),
             "source": None if sequence.address is None else str(sequence.address.absolute()),
             **scan_rate(sequence, rate),
-            "warnings": recording_warnings(sequence, reach_of(settings.candidates.free_space), rate),
+            "warnings": recording_warnings(sequence, rate),
         },
         "points": counts,
         "points_riding_along": n_body,

@@ -15,7 +15,6 @@ from automos.core.arrays import evenly_spread
 from automos.core.errors import AutomosError
 from automos.core.recording_warnings import GAP, USUAL_RATE, recording_warnings
 from automos.core.scan import Scan, Sequence
-from automos.evidence.free_space import reach_of
 from automos.readers import find_recordings, kind_of, open_sequence
 
 if TYPE_CHECKING:
@@ -147,7 +146,7 @@ def _check_one(place: Path, format: str | None) -> Check:
         n = len(sequence)
         scans = [sequence[i] for i in evenly_spread(range(n), n if n <= LOOKS else LOOKS // 2 - 1)]
         _look_at(scans, found)
-        found.doubts = recording_warnings(sequence, reach_of(), USUAL_RATE)
+        found.doubts = recording_warnings(sequence, USUAL_RATE)
         if empty := [scan.name for scan in scans if not scan.is_valid.any()]:
             found.doubts.append(f"{len(empty)} of {len(scans)} scans looked at have no points of use, as {empty[0]}.")
         _look_beside(sequence, found)
@@ -196,7 +195,8 @@ def _count_beams(scan: Scan, found: Check) -> None:
         counts = [_peaks(elevation[sector == k]) for k in np.unique(sector) if (sector == k).sum() >= _FEWEST]
         middle, upper = np.percentile(counts, [50, 75]) if counts else (0, 0)
         found.beams = round(upper) if 0 < upper < (1.0 + 2.0 * _LIKE) * middle else None
-    if (like := _sensor_like(found)) is not None:
+    like = _sensor_like(found)
+    if like is not None:
         found.sensor, found.beams = like.name, None if like.rosette else like.beams
 
 
