@@ -95,7 +95,7 @@ def ray_steps(lidars: list[Lidar]) -> Array:
 @cache
 def unknown_pattern() -> BeamPattern:
     """Return the pattern of a LiDAR of which nothing is known: rows and columns half a degree apart."""
-    return make_pattern(np.arange(-64, 64) * _UNKNOWN, _UNKNOWN)
+    return make_pattern(np.arange(-60, 60) * _UNKNOWN, _UNKNOWN)
 
 
 def is_known(pattern: BeamPattern) -> bool:

@@ -21,11 +21,11 @@ from automos.odometry.window import Window
 
 STEEP = 8.0
 """Metres from the sensor's axis within which beams that see the ground are steep."""
-ROUNDS = 4
-"""Estimates at most, each from the surfels that the one before has raised, until it changes by less than its error."""
+ROUNDS, CONVERGED_DEG = 4, 0.01
+"""Estimates at most, each from the surfels that the one before has raised, and the change that ends them."""
 SCANS = 100
 """Scans that are compared, those of the longest path."""
-ABOUT = Alignment(max_distance=60.0)
+ABOUT = Alignment((0.3,), lags=(1.0, 2.0), max_distance=60.0)
 LEAST_DEG, CERTAIN = 0.05, 5.0
 """Degrees, and standard errors, from which an estimate is not that of a sensor without an offset."""
 
@@ -36,7 +36,7 @@ def find_elevation(window: Window, pool: ThreadPoolExecutor | None = None) -> fl
     for _ in range(ROUNDS):
         step, error = _estimate(replace(window, surfels=[_raised(s, angle) for s in window.surfels]), pool)
         angle += step
-        if abs(step) < error:
+        if abs(step) < np.radians(CONVERGED_DEG):
             break
     return angle if abs(angle) > max(np.radians(LEAST_DEG), CERTAIN * error) else 0.0
 

@@ -99,11 +99,9 @@ def _compensate(points, times, rho, phi, out):  # type: ignore[no-untyped-def]
         t = float(times[i])
         x, y, z = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
         q = t * t * square  # the angle turned, squared
-        odd = even = 1.0
-        for k in range(10, 2, -2):
-            odd, even = 1.0 - q / (k * (k + 1)) * odd, 1.0 - q / (k * (k - 1)) * even
-        cosine, rest = t * t / 2.0 * even, t * t * t / 6.0 * odd  # 1 - cos, angle - sin
-        sine = t - square * rest
+        sine = t * (1 + q * (-1 / 6 + q * (1 / 120 + q * (-1 / 5040 + q * (1 / 362880 - q / 39916800)))))
+        cosine = t * t * (1 / 2 + q * (-1 / 24 + q * (1 / 720 + q * (-1 / 40320 + q / 3628800))))  # 1 - cos
+        rest = t * t * t * (1 / 6 + q * (-1 / 120 + q * (1 / 5040 + q * (-1 / 362880 + q / 39916800))))  # angle - sin
         dot = px * x + py * y + pz * z
         out[i, 0] = x + sine * (py * z - pz * y) + cosine * (px * dot - square * x + sx) + t * rx + rest * cx
         out[i, 1] = y + sine * (pz * x - px * z) + cosine * (py * dot - square * y + sy) + t * ry + rest * cy

@@ -215,7 +215,7 @@ def summarize(links: Consistency) -> dict[str, float | None]:
     baseline_disagreement_m : correction of a scan that a baseline of a second alone would make.
     baseline_disagreement_percent : the same in percent of the baseline's length; 0 at standstill.
     """
-    is_second = np.abs(np.log2(links.lag)) < 0.5
+    is_second = (links.lag > 0.6) & (links.lag < 1.5)
     names = ("wall_thickness_m", "baseline_disagreement_m", "baseline_disagreement_percent")
     if not is_second.any():
         return dict.fromkeys(names)

@@ -19,7 +19,6 @@ from automos.odometry.links import MIN_MATCHED, Alignment, Consistency, Link, Li
 from automos.odometry.motion import can_be_driven
 from automos.odometry.speed import SpeedSearch, is_ahead, lengthen, search_speed
 from automos.odometry.submap import Fit
-from automos.odometry.surfels import SURFEL
 from automos.odometry.window import SAME_POSE, Window
 from automos.settings import OdometrySettings
 
@@ -27,18 +26,11 @@ INFORMATION = 0.05
 """Share of a surfel's weight that counts, since errors of neighbouring surfels are correlated."""
 LOOSE = 1e-3  # prior information on every pose, which keeps scans without links in place
 SPEED_ROUNDS = 5  # searches for the speed, at most, each from the poses of the previous one
+FIRST_STEPS = np.concatenate([s * np.vstack([np.eye(6)[:2], -np.eye(6)[:2]]) for s in (0.4, 0.8, 1.2, 1.8, 2.5)])
+"""Metres along the sensor's axes to the second scan: a registration that starts at rest may stay there."""
 WIDE = 3.0
 """Metres between points that match, at most: a sensor in a hand is turned within a scan by more than surfaces are
 looked for."""
-
-
-def first_steps() -> Pose:
-    """Return the (K, 4, 4) motions to the second scan that are tried: registration that starts at rest may stay there.
-
-    They lead along the sensor's axes, a surfel farther each, up to those of a car on a motorway.
-    """
-    axes = np.eye(6)[:2]
-    return se3_exp(np.concatenate([SURFEL * k * np.vstack([axes, -axes]) for k in range(1, 8)]))
 
 
 def align(

@@ -24,9 +24,7 @@ from automos.odometry.surfels import SURFEL, Surfels, key_at_level, level_of, mo
 NOISE = 0.03
 """Metres, deviation of a surfel on a perfect surface: range noise of usual sensors."""
 CLOSE = 0.1
-"""Metres between a surface and its inliers, at most: three deviations. What is less wide has no direction."""
-THIN = 0.1
-"""Greatest ratio of the variance across a plane or an edge to that along it."""
+"""Metres between a surface and its inliers, at most: three deviations."""
 MAX_WEIGHT = 8.0
 """Greatest weight of a surfel, in points, when surfels are merged: near surfaces have hundreds, far ones a few."""
 
@@ -175,15 +173,15 @@ def _shape_voxels(sums):  # type: ignore[no-untyped-def]
         c[0], c[1], c[2] = row[4] * w - x * x, row[5] * w - x * y, row[6] * w - x * z
         c[3], c[4], c[5] = row[7] * w - y * y, row[8] * w - y * z, row[9] * w - z * z
         low, middle, high = eigenvalues(c)
-        wide = (CLOSE * (1 << level_of(x, y, z))) ** 2
+        wide = (0.12 * 2.0 * SURFEL * (1 << level_of(x, y, z))) ** 2
         turn = 1.0
         if middle > wide:
-            if low < THIN * middle:  # a plane
+            if low < 0.1 * middle:  # a plane
                 eigenvector(c, low, first)
                 eigenvector(c, middle, second)
                 variance[i, 0] = low
                 turn = np.sqrt((low + NOISE * NOISE) / (row[0] * middle))
-        elif high > wide and middle < THIN * high:
+        elif high > wide and middle < 0.1 * high:
             eigenvector(c, high, along)
             if abs(along[2]) > 0.8:  # an upright edge
                 variance[i, 0], variance[i, 1] = across(c, along, first, second)

@@ -149,7 +149,7 @@ def _shares(timing: SweepTiming, clock: Clock) -> list[float]:
     if timing.source == "file":  # its times contain the sweep duration
         return []
     usual = [period / clock.period for period in USUAL_PERIODS] if clock.has_stamps else []
-    return sorted({0.5, *(round(share, 3) for share in usual if share < 0.5)})
+    return sorted({0.5, *(round(share, 3) for share in usual if share < 0.45)})
 
 
 def rear_seam() -> SweepTiming:

@@ -98,7 +98,7 @@ def _find_plane(points: Array, covariance: Array, settings: OdometrySettings) ->
     """
     rng = np.random.default_rng(0)
     triples = rng.integers(0, len(points), (TRIALS, 3))
-    tested = rng.permutation(len(points))[: 4 * TRIALS]
+    tested = rng.permutation(len(points))[:5000]
     a, b, c = points[triples[:, 0]], points[triples[:, 1]], points[triples[:, 2]]
     normals = np.cross(b - a, c - a)
     length = np.linalg.norm(normals, axis=1)
