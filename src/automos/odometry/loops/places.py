@@ -39,7 +39,7 @@ def describe_place(points: Points, reach: float, rings: int, sectors: int) -> Ar
     return np.where(height > GROUND, height, 0.0).reshape(rings, sectors)
 
 
-def ground_of(z: Array) -> float:
+def ground_of(z: npt.NDArray) -> float:
     """Return the height of the ground among those of points, `z` (N,), metres: hardly any are below it."""
     return float(np.percentile(z, 5.0))
 
