@@ -162,9 +162,9 @@ def test_records_of_any_columns_are_cut_whole(tmp_path):
 @pytest.mark.parametrize("shape", [(4, 300), (3, 100, 4)])
 def test_arrays_of_other_shapes_become_rows(tmp_path, shape):
     rows = np.random.default_rng(0).uniform(5.0, 9.0, (300, 4)).astype("f4")
+    rows[:, 2] = np.repeat([-2.0, 0.0, 2.0], 100)  # each row of an image sees its own part
     (tmp_path / "in").mkdir()
-    for i in range(2):  # a scan each; a single file of three axes may hold several
-        np.save(tmp_path / "in" / f"{i}.npy", rows.T if shape[0] == 4 else rows.reshape(shape))
+    np.save(tmp_path / "in" / "0.npy", rows.T if shape[0] == 4 else rows.reshape(shape))
     written, *_ = clean(labelled(tmp_path / "run", tmp_path / "in"), tmp_path / "out", choice=Choice.NOT_MOVING)
     np.testing.assert_array_equal(np.load(written / "0.npy"), rows[np.arange(300) % 5 != 0])
 
