@@ -20,7 +20,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from automos.core.scan import Mask
-from automos.objects.association import assign
+from automos.objects.association import LEAST_SIDE, assign
 from automos.objects.looks import looks
 from automos.objects.motion import ACCELERATION, NOISE, smooth_paths
 from automos.objects.tracker import until_last_seen
@@ -211,7 +211,7 @@ def _link_score(tracks: Tracks, last: Rows, first: Rows, gap: Array) -> Array:
     place = NOISE**2 + (0.5 * extent) ** 2 + ACCELERATION**2 * gap**3 / 12.0
     change = ACCELERATION**2 * (gap + 1.0)
     squared = (off**2).sum(axis=1) / place + ((v1 - v0) ** 2).sum(axis=1) / change
-    before, after = (np.sort(np.maximum(tracks.size[rows], 0.1), axis=1) for rows in (last, first))
+    before, after = (np.sort(np.maximum(tracks.size[rows], LEAST_SIDE), axis=1) for rows in (last, first))
     growth = np.abs(np.log(before / after)).max(axis=1)
     density = -0.5 * squared - np.log(2.0 * np.pi * place) - np.log(2.0 * np.pi * change) - growth**2
     is_possible = (squared < 2.0 * REACH**2) & (np.abs(offset[:, 2]) < tracks.size[last, 2] + NOISE)
