@@ -140,15 +140,16 @@ def compared(recording: str, store: Path, method: str, repeats: int = 1) -> dict
 
 
 def by_network(recording: str, store: Path) -> dict[str, Any]:
-    """Return the scores of the network that comes along, online, over all points."""
+    """Return the scores of the network that comes along, online, over all points, and how many it calls moving."""
     from automos.evaluation.report import evaluate_folder
     from automos.network.segment import open_network, segment_recording
 
     network = open_network(None)
     with opened(recording, store) as made, tempfile.TemporaryDirectory() as folder:
-        segment_recording(made.sequence, Path(folder) / "run", network, load_settings("default"))
+        run = segment_recording(made.sequence, Path(folder) / "run", network, load_settings("default"))
         counts = evaluate_folder(Path(folder) / "run" / "predictions", made.sequence).counts
-    return {"engine": network.engine, **scores_of(counts)}
+    points = {"points": sum(run["points"].values()), "called_moving": run["points"]["moving"]}
+    return {"engine": network.engine, **points, **scores_of(counts)}
 
 
 class First(Sequence):

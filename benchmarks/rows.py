@@ -374,8 +374,12 @@ def _over_epochs(curve: list[float], epochs: list[int]) -> list[str]:
 
 
 def shipped_network(rows: list[Row]) -> Lines:
-    """Return one row a recording."""
-    return [["recording", "IoU", "precision", "recall"], *([row["recording"], *ratios(row)] for row in rows)]
+    """Return one row a recording: scores where something moves in it, and the share of points called moving."""
+    lines = [["recording", "IoU", "precision", "recall", "points moving"]]
+    for row in rows:
+        share = f"{100 * row['called_moving'] / max(row['points'], 1):.2f} %"
+        lines.append([row["recording"], *(ratios(row) if has_movers(row) else ["", "", ""]), share])
+    return lines
 
 
 def network_speed(rows: list[Row]) -> Lines:

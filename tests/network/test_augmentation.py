@@ -4,10 +4,10 @@ from grids import even_grid
 
 from automos.core.geometry import make_transform, transform
 from automos.network.augmentation import Change, apply_change, draw_change
-from automos.network.images import SensorView, Window, make_image
+from automos.network.images import Window, make_image
 from automos.network.projection import project
 
-VIEW = SensorView(even_grid(16, 64, 10, -10), 1.0)
+GRID = even_grid(16, 64, 10, -10)
 
 
 def window() -> Window:
@@ -19,34 +19,28 @@ def window() -> Window:
     T_now_past = np.stack([make_transform(t=[-0.3, 0.0, 0.0]), make_transform(t=[-0.6, 0.1, 0.0])])
     past = tuple(np.concatenate([wall, thing + np.float32(k)]) for k in (1, 2))
     now = np.concatenate([wall, thing])
-    return Window(now, np.ones(len(now), np.float32), past, T_now_past)
-
-
-def change(T: np.ndarray, dropped: float = 0.0, keeps_intensity: bool = True) -> Change:
-    return Change(T, dropped, keeps_intensity)
+    return Window(now, past, T_now_past)
 
 
 def test_a_turn_by_whole_columns_rolls_the_image_and_its_residuals():
     angle = 2 * np.pi * 5 / 64
     T = make_transform([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
-    before = make_image(window(), VIEW).channels
-    after = make_image(apply_change(window(), change(T), VIEW.grid, np.random.default_rng(0))[0], VIEW).channels
-    for channel in (0, 4, 5, 6):  # range, intensity, residuals; counter-clockwise is to the left
-        assert np.allclose(after[channel], np.roll(before[channel], -5, axis=1), atol=1e-4)
+    before = make_image(window(), GRID).channels
+    after = make_image(apply_change(window(), Change(T), GRID, np.random.default_rng(0))[0], GRID).channels
+    assert np.allclose(after, np.roll(before, -5, axis=2), atol=1e-4)  # counter-clockwise is to the left
 
 
 def test_a_mirror_turns_the_image_and_its_residuals_round():
-    before = make_image(window(), VIEW).channels
-    mirrored = apply_change(window(), change(np.diag([1.0, -1.0, 1.0, 1.0])), VIEW.grid, np.random.default_rng(0))[0]
-    after = make_image(mirrored, VIEW).channels
-    for channel in (0, 5, 6):
-        assert np.allclose(after[channel], before[channel][:, ::-1], atol=1e-4)
+    before = make_image(window(), GRID).channels
+    mirrored = apply_change(window(), Change(np.diag([1.0, -1.0, 1.0, 1.0])), GRID, np.random.default_rng(0))[0]
+    after = make_image(mirrored, GRID).channels
+    assert np.allclose(after, before[:, :, ::-1], atol=1e-4)
 
 
 def test_points_and_poses_change_together():
     T = make_transform([[0, -1, 0], [1, 0, 0], [0, 0, 1]], [1.0, 2.0, 0.5])
     before = window()
-    after, _ = apply_change(before, change(T), VIEW.grid, np.random.default_rng(0))
+    after, _ = apply_change(before, Change(T), GRID, np.random.default_rng(0))
     for k in range(2):  # carried into the present first or changed first: the same place
         one = transform(T, transform(before.T_now_past[k], before.past[k]))
         other = transform(after.T_now_past[k], after.past[k])
@@ -55,16 +49,10 @@ def test_points_and_poses_change_together():
 
 def test_dropping_points_tells_which_stayed():
     before = window()
-    after, rows = apply_change(before, change(np.eye(4), dropped=0.5), VIEW.grid, np.random.default_rng(1))
+    after, rows = apply_change(before, Change(np.eye(4), dropped=0.5), GRID, np.random.default_rng(1))
     assert 10 < len(after.points) < 55
     assert np.array_equal(after.points, before.points[rows])
     assert all(len(points) < 60 for points in after.past)
-
-
-def test_intensities_may_be_left_out():
-    after, _ = apply_change(window(), change(np.eye(4), keeps_intensity=False), VIEW.grid, np.random.default_rng(0))
-    assert after.intensity is None
-    assert not make_image(after, VIEW).channels[4].any()
 
 
 def test_blind_pixels_have_no_points_now_or_before():
@@ -72,18 +60,18 @@ def test_blind_pixels_have_no_points_now_or_before():
     is_blind[:, 10:30] = True
     before = window()
     worse = Change(np.eye(4), is_blind=is_blind)
-    after, rows = apply_change(before, worse, VIEW.grid, np.random.default_rng(0))
+    after, rows = apply_change(before, worse, GRID, np.random.default_rng(0))
     assert np.array_equal(after.points, before.points[rows])
     for points, original in zip((after.points, *after.past), (before.points, *before.past), strict=True):
-        columns = project(points, VIEW.grid)[0] % 64
+        columns = project(points, GRID)[0] % 64
         assert not ((columns >= 10) & (columns < 30)).any()
-        assert len(points) == len(original) - (is_blind.reshape(-1)[project(original, VIEW.grid)[0]]).sum()
+        assert len(points) == len(original) - (is_blind.reshape(-1)[project(original, GRID)[0]]).sum()
 
 
 def test_a_worse_sensor_errs_along_its_rays_only():
     before = window()
     worse = Change(np.eye(4), noise=0.05, specks=0.2)
-    after, _ = apply_change(before, worse, VIEW.grid, np.random.default_rng(0))
+    after, _ = apply_change(before, worse, GRID, np.random.default_rng(0))
     was, now = (np.linalg.norm(points, axis=1) for points in (before.points, after.points))
     assert np.allclose(after.points / now[:, None], before.points / was[:, None], atol=1e-5)
     is_speck = np.abs(now - was) > 0.5
@@ -100,7 +88,7 @@ def test_odometry_that_errs_errs_more_the_longer_ago():
 
 def swayed(seed: int) -> np.ndarray:
     change = Change(np.eye(4), sway=0.02)
-    return apply_change(window(), change, VIEW.grid, np.random.default_rng(seed))[0].T_now_past
+    return apply_change(window(), change, GRID, np.random.default_rng(seed))[0].T_now_past
 
 
 @pytest.mark.parametrize("seed", [0, 1])

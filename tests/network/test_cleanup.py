@@ -2,13 +2,13 @@ import numpy as np
 from grids import even_grid
 
 from automos.network.cleanup import vote
-from automos.network.images import RangeImage, SensorView, Window, make_image
+from automos.network.images import RangeImage, Window, make_image
 
 GRID = even_grid(16, 64, 10, -10)
 
 
 def image_of(points: np.ndarray) -> RangeImage:
-    return make_image(Window(points, None, (), np.zeros((0, 4, 4))), SensorView(GRID, 0.0))
+    return make_image(Window(points, (), np.zeros((0, 4, 4))), GRID)
 
 
 def patch(r: float, columns: int, start: int = 20) -> np.ndarray:

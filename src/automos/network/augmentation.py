@@ -1,4 +1,4 @@
-"""Other views of the same moment: turned, tilted, mirrored, shifted; by a sensor that sees less and measures worse.
+"""Other views of the same moment: tilted, mirrored, shifted; by a sensor that sees less and measures worse.
 
 Everything is done to points and poses of a whole window together, before any image is made, so residuals stay what the
 changed world would give; LMNet's own code changes the range image alone and leaves the residuals of the old world.
@@ -17,8 +17,8 @@ from automos.network.projection import ImageGrid, project
 SEED = 0
 """Of all that is drawn in a training: which scans, how they are changed, the first weights."""
 
-_TILTED, _MIRRORED, _SHIFTED, _THINNED, _BLIND, _WORN, _WITHOUT_INTENSITY = 0.5, 0.5, 0.5, 0.5, 0.3, 0.5, 0.3
-"""How often; every window is turned. None of them changes a label, all were seen on some robot."""
+_TILTED, _MIRRORED, _SHIFTED, _THINNED, _BLIND, _WORN = 0.5, 0.5, 0.5, 0.5, 0.3, 0.5
+"""How often. None of them changes a label, all were seen on some robot. Turns change no image but its first column."""
 
 _MOST_TILTED = np.radians(2.0)
 _MOST_SHIFTED = np.array([2.0, 2.0, 0.3])
@@ -44,8 +44,6 @@ class Change:
         Rigid or mirroring, applied in every scan's sensor frame.
     dropped : float
         Share of points taken out of every scan.
-    keeps_intensity : bool
-        Whether intensities stay.
     is_blind : (H, W) bool, optional
         Pixels of which no scan has points; None for none.
     noise : float
@@ -58,7 +56,6 @@ class Change:
 
     T: Array
     dropped: float = 0.0
-    keeps_intensity: bool = True
     is_blind: npt.NDArray[np.bool_] | None = None
     noise: float = 0.0
     specks: float = 0.0
@@ -69,11 +66,11 @@ UNCHANGED = Change(np.eye(4))
 
 
 def draw_change(rng: np.random.Generator, height: int, width: int) -> Change:
-    """Return a random change. Turns are by whole columns of an image `width` wide, so beams keep to their pixels."""
-    T = _turn(2, 2.0 * np.pi * rng.integers(width) / width)
+    """Return a random change of what is seen in an image of this size."""
+    T = np.eye(4)
     if rng.random() < _TILTED:
         tilts = rng.uniform(-_MOST_TILTED, _MOST_TILTED, 2)
-        T = _turn(0, tilts[0]) @ _turn(1, tilts[1]) @ T
+        T = se3_exp(np.array([0.0, 0.0, 0.0, *tilts, 0.0]))
     if rng.random() < _MIRRORED:
         T[1] *= -1.0
     if rng.random() < _SHIFTED:
@@ -82,7 +79,6 @@ def draw_change(rng: np.random.Generator, height: int, width: int) -> Change:
     return Change(
         T,
         dropped=rng.uniform(0.0, _MOST_DROPPED) if rng.random() < _THINNED else 0.0,
-        keeps_intensity=rng.random() >= _WITHOUT_INTENSITY,
         is_blind=_draw_blind(rng, height, width) if rng.random() < _BLIND else None,
         noise=rng.uniform(0.0, _MOST_NOISE) if is_worn else 0.0,
         specks=rng.uniform(0.0, _MOST_SPECKS) if is_worn else 0.0,
@@ -101,20 +97,13 @@ def apply_change(
         else transform(change.T, _measured(points[_survivors(points, change, grid, rng)], change, rng))
         for points in window.past
     )
-    intensity = window.intensity[rows] if window.intensity is not None and change.keeps_intensity else None
     T_now_past = change.T @ _swayed(window.T_now_past, change.sway, rng) @ inverse(change.T)
     return replace(
         window,
         points=transform(change.T, _measured(window.points[rows], change, rng)),
-        intensity=intensity,
         past=past,
         T_now_past=T_now_past,
     ), rows
-
-
-def _turn(axis: int, angle: float) -> Pose:
-    """Return the turn by `angle` about x, y or z."""
-    return se3_exp(angle * np.eye(6)[3 + axis])
 
 
 def _draw_blind(rng: np.random.Generator, height: int, width: int) -> npt.NDArray[np.bool_]:

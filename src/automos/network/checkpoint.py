@@ -10,12 +10,9 @@ import torch
 
 from automos.core.atomic import atomic_path
 from automos.core.errors import InputError
-from automos.network.images import FORMAT, read_image_settings
+from automos.network.images import FORMAT
 from automos.network.model import LMNet
 from automos.settings import ImageSettings, ModelSettings
-
-_ONCE_NAMED = ("name", "salsanext")
-"""What checkpoints of earlier versions say beside, when there was another network."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +70,7 @@ def load_checkpoint(path: Path) -> Checkpoint:
     if version != FORMAT:
         raise InputError(f"{path} is a checkpoint of format {version}, this version reads {FORMAT}: train again")
     try:
-        shape = {name: value for name, value in content["model"].items() if (name, value) != _ONCE_NAMED}
-        image, model = read_image_settings(content["image"]), ModelSettings(**shape)
+        image, model = ImageSettings(**content["image"]), ModelSettings(**content["model"])
         network = LMNet(image, model)
         network.load_state_dict({name: _full(value) for name, value in content["state"].items()})
     except (ValueError, RuntimeError, KeyError, TypeError) as error:  # pydantic's are ValueErrors

@@ -13,7 +13,7 @@ from automos.core.errors import InputError, MissingExtraError
 from automos.core.extras import pip_install
 from automos.core.parallel import available_cores
 from automos.core.reading import parse_json
-from automos.network.images import FORMAT, read_image_settings
+from automos.network.images import FORMAT
 from automos.network.projection import Image
 from automos.settings import ImageSettings
 
@@ -32,7 +32,7 @@ class Deployed:
     image : ImageSettings
         The images it takes.
     run : callable
-        (5 + K, H, W) float32 to (H, W) float32 in [0, 1].
+        (2 + K, H, W) float32 to (H, W) float32 in [0, 1].
     engine : str
         What runs it.
     card : dict of str to Any
@@ -168,7 +168,7 @@ def _described(text: str, weights: Path) -> tuple[ImageSettings, dict[str, Any]]
         content = parse_json(text)
         version = content.get("format", 1)
         if version == FORMAT:
-            return read_image_settings(content["image"]), content["card"]
+            return ImageSettings(**content["image"]), content["card"]
     except (ValueError, KeyError, TypeError, AttributeError):  # pydantic's are ValueErrors
         raise InputError(f"{weights} was not exported by automos: automos export-network makes one") from None
     raise InputError(f"{weights} is a network of format {version}, this version runs {FORMAT}: train it again")

@@ -52,13 +52,13 @@ def _of_many_sensors() -> Domain:
     """Return domain S: every street four times, each time with the next sensors and another seed."""
     n, m = len(_STREETS), len(_SENSORS)
     parts = [
-        Part(tuple((_STREETS[k % n], _SENSORS[k % m], seed + k // n) for k in range(a, b)), 40)
+        Part(tuple((_STREETS[k % n], _SENSORS[k % m], seed + k // n) for k in range(a, b)), 25)
         for a, b, seed in _PARTS_OF_S
     ]
     return Domain("S", parts[0], Part(()), *parts[1:])
 
 
-_PARTS_OF_S = ((0, 40, 320), (0, 6, 340), (20, 26, 350))
+_PARTS_OF_S = ((0, 60, 320), (0, 9, 340), (20, 29, 350))
 """Of the parts to train on, to choose by and to score: which worlds, and the first seed."""
 
 DOMAINS = {

@@ -35,12 +35,12 @@ class LMNet(nn.Module):
         self.register_buffer("deviation", torch.ones(len(BASE_CHANNELS)))
 
     def set_scale(self, mean: npt.NDArray, deviation: npt.NDArray) -> None:
-        """Set the mean and the standard deviation (5,) of range, x, y, z and intensity."""
+        """Set the mean and the standard deviation (2,) of range and z."""
         self.mean.copy_(torch.as_tensor(mean))
         self.deviation.copy_(torch.as_tensor(deviation))
 
     def forward(self, image: Tensor) -> Tensor:
-        """Return logits (B, 3, H, W) for images (B, 5 + K, H, W) as `make_image` gives them."""
+        """Return logits (B, 3, H, W) for images (B, 2 + K, H, W) as `make_image` gives them."""
         n = len(BASE_CHANNELS)
         is_seen = (image[:, :1] > 0.0).to(image.dtype)
         base = (image[:, :n] - self.mean[:, None, None]) / self.deviation[:, None, None]

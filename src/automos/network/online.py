@@ -19,9 +19,10 @@ from automos.core.labels import Label
 from automos.core.scan import Frame, Points, Pose, Scan
 from automos.network.cleanup import vote
 from automos.network.deployed import Deployed
-from automos.network.images import SensorView, Window, make_image
-from automos.network.recordings import measure_view
-from automos.network.residuals import SPACING, pick_past
+from automos.network.images import Window, make_image
+from automos.network.projection import ImageGrid
+from automos.network.recordings import measure_grid
+from automos.network.residuals import MIN_RANGE, SPACING, pick_past
 from automos.odometry.compensation import frame_of
 from automos.odometry.estimator import Moved, Odometry
 from automos.odometry.sweep_timing import SweepTiming
@@ -52,7 +53,7 @@ class OnlineSegmenter:
         """Take the network, and how the sensor's sweeps are timed where that is known (else it is found out)."""
         self._network = network
         self._odometry = Odometry(settings.odometry, ThreadPoolExecutor(1), timing, is_compensated)
-        self._view: SensorView | None = None
+        self._grid: ImageGrid | None = None
         self._past: deque[tuple[Points, Pose, float]] = deque()  # thinned points, T_world_sensor, stamp
         self.T_world_sensor: Pose = np.eye(4)
         self._T_world_path: Pose = np.eye(4)
@@ -71,14 +72,17 @@ class OnlineSegmenter:
             self.T_world_sensor = self._T_world_path @ moved.posed.T_world_sensor
             frame = _make_frame(scan, moved)
         labels, probability = np.zeros(len(scan), np.uint8), np.zeros(len(scan), np.float32)
-        view = self._view_of(scan, frame)
-        if view is None:
+        grid = self._grid_of(frame)
+        if grid is None:
             return labels, probability
         with self._timed("image"):
-            intensity = None if scan.intensity is None else scan.intensity[frame.kept]
-            image = make_image(self._window(frame, intensity), view)
+            window = self._window(frame)
+            image = make_image(window, grid)
         with self._timed("network"):
-            moving = self._network.run(image.channels)
+            moving = np.zeros_like(image.channels[0])
+            if 2 * sum(points is not None for points in window.past) >= len(window.past):  # as `with_past`
+                # what is too near for residuals was not seen to move, whatever it looks like
+                moving = self._network.run(image.channels) * (image.channels[0] > MIN_RANGE)
         with self._timed("clean-up"):
             share, mean = vote(image, moving)
             labels[frame.kept] = np.where(share > 0.5, Label.MOVING, Label.STATIC)
@@ -86,20 +90,20 @@ class OnlineSegmenter:
             self._remember(frame.points[image.shown], moved.stamp)
         return labels, probability
 
-    def _view_of(self, scan: Scan, frame: Frame) -> SensorView | None:
+    def _grid_of(self, frame: Frame) -> ImageGrid | None:
         """Return how the sensor's scans become images, learnt from the first scan that shows its beams."""
-        if self._view is None and len(frame.points) >= _PATTERN_POINTS:
-            self._view = measure_view([frame], [scan], self._network.image)
-        return self._view
+        if self._grid is None and len(frame.points) >= _PATTERN_POINTS:
+            self._grid = measure_grid([frame], self._network.image)
+        return self._grid
 
-    def _window(self, frame: Frame, intensity: npt.NDArray[np.float32] | None) -> Window:
+    def _window(self, frame: Frame) -> Window:
         n = self._network.image.residuals
         past = list(self._past)[::-1]  # the latest first
         chosen = pick_past(frame.stamp - np.array([stamp for _, _, stamp in past]), n)
         T_sensor_world = inverse(self.T_world_sensor)
         T_now_past = [np.eye(4) if k < 0 else T_sensor_world @ past[k][1] for k in chosen]
         clouds = tuple(None if k < 0 else past[k][0] for k in chosen)
-        return Window(frame.points, intensity, clouds, np.array(T_now_past).reshape(-1, 4, 4))
+        return Window(frame.points, clouds, np.array(T_now_past).reshape(-1, 4, 4))
 
     def _remember(self, points: Points, stamp: float) -> None:
         self._past.append((points, self.T_world_sensor, stamp))

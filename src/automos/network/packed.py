@@ -1,10 +1,10 @@
 """Samples prepared beforehand: drawn, changed, projected and packed in files, so that a GPU waits for none of it.
 
-FOLDER/image.npy       (N, 5 + K, H, W) float16
+FOLDER/image.npy       (N, 2 + K, H, W) float16
 FOLDER/target.npy      (N, H, W) uint8, and confidence.npy float16 where it is used
 FOLDER/packed.json     what they were made of, and how many parts of them are done: packing goes on after a stop
 
-A packed sample is one change of one window. In every epoch it is turned and mirrored anew, which costs nothing.
+A packed sample is one change of one window. In every epoch it is mirrored anew, which costs nothing.
 """
 
 import json
@@ -24,7 +24,6 @@ from automos.settings import NetworkSettings
 _TYPES = {"image": np.float16, "target": np.uint8, "confidence": np.float16}
 _AT_ONCE = 32
 """Samples of a part, which one process makes: neighbours, so that it reads few scans more than once."""
-_X, _Y = 1, 2  # channels
 
 
 def pack(
@@ -81,26 +80,11 @@ class PackedSamples:
         if not 0 <= index < len(self):
             raise IndexError(index)
         row = self._order[index]
-        image = np.asarray(self._arrays["image"][row], np.float32)
-        sample = {name: np.asarray(values[row]) for name, values in self._arrays.items()} | {"image": image}
-        sample["target"] = sample["target"].astype(np.int64)
-        if self._training is None:
-            return sample
-        rng = np.random.default_rng([SEED, self._epoch, index, 4])
-        if self._training.augment:
-            sample = turned(sample, int(rng.integers(image.shape[2])), bool(rng.random() < 0.5))
-        sector = draw_sector(sample["target"], self._training.sector, rng)
-        return {name: values[..., sector] for name, values in sample.items()}
-
-
-def turned(sample: dict[str, npt.NDArray], columns: int, is_mirrored: bool) -> dict[str, npt.NDArray]:
-    """Return a sample as seen by a sensor turned by whole columns, left and right changed if it is mirrored."""
-    out = {name: np.roll(values, columns, axis=-1) for name, values in sample.items()}
-    angle = -2.0 * np.pi * columns / out["target"].shape[1]  # columns go clockwise
-    x, y = out["image"][_X].copy(), out["image"][_Y].copy()
-    out["image"][_X] = np.cos(angle) * x - np.sin(angle) * y
-    out["image"][_Y] = np.sin(angle) * x + np.cos(angle) * y
-    if is_mirrored:
-        out = {name: np.ascontiguousarray(values[..., ::-1]) for name, values in out.items()}
-        out["image"][_Y] *= -1.0
-    return out
+        columns: slice | npt.NDArray[np.int64] = slice(None)
+        if self._training is not None:
+            rng = np.random.default_rng([SEED, self._epoch, index, 4])
+            columns = draw_sector(self._arrays["target"][row], self._training.sector, rng)
+            if self._training.augment and rng.random() < 0.5:
+                columns = np.arange(self._arrays["target"].shape[2])[columns][::-1]
+        sample = {name: np.ascontiguousarray(values[row][..., columns]) for name, values in self._arrays.items()}
+        return sample | {"image": sample["image"].astype(np.float32), "target": sample["target"].astype(np.int64)}

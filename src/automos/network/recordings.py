@@ -14,16 +14,17 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.arrays import evenly_spread
 from automos.core.beam_pattern import learn_pattern
 from automos.core.errors import InputError
 from automos.core.label_files import read_confidences, read_labels
 from automos.core.labels import Label, to_mos
 from automos.core.run import Progress
-from automos.core.scan import Frame, Scan, Sequence
+from automos.core.scan import Frame, Sequence
 from automos.core.workspace import Workspace, fingerprint
 from automos.evaluation.predictions import find_predictions
-from automos.network.images import SensorView, Window, thin
-from automos.network.projection import beam_grid
+from automos.network.images import Window, thin
+from automos.network.projection import ImageGrid, beam_grid
 from automos.network.residuals import SPACING, pick_past
 from automos.odometry.estimate import estimate_trajectory
 from automos.odometry.trajectory import Trajectory, make_frame
@@ -59,13 +60,11 @@ class ThinScan:
     Attributes
     ----------
     points : (M, 3) float32, metres, sensor frame, compensated.
-    intensity : (M,) float32 or None.
     classes : (M,) uint8: 0 unlabeled, 1 static, 2 moving.
     confidence : (M,) float32 in [0, 1].
     """
 
     points: npt.NDArray[np.float32]
-    intensity: npt.NDArray[np.float32] | None
     classes: Labels
     confidence: npt.NDArray[np.float32]
 
@@ -83,19 +82,26 @@ class LabelledRecording:
             raise InputError(
                 f"{sequence.name} came without labels: label it first and give RECORDING=RESULTS, or leave it out"
             )
-        self.view = measure_view([self._frame(i) for i in _spread(len(sequence), 5)], self._some_scans(), settings)
+        self.grid = measure_grid([self._frame(i) for i in evenly_spread(range(len(sequence)), 5)], settings)
 
     def __len__(self) -> int:
         return len(self.sequence)
 
+    @property
+    def with_past(self) -> range:
+        """Scans with half of the past that residuals show or more, by which motion is seen; all, where none has it."""
+        stamps = self.trajectory.stamps
+        first = int(np.searchsorted(stamps, stamps[0] + 0.499 * SPACING * self.settings.residuals))
+        return range(first if first < len(self) else 0, len(self))
+
     def read(self, index: int) -> ThinScan:
         """Return scan `index`, thinned."""
-        scan, frame = self.sequence[index], self._frame(index)
+        scan = self.sequence[index]
+        frame = make_frame(scan, self.trajectory, index)
         labels, confidence = self._labels(index, len(scan))
-        rows = thin(frame.points, self.view.grid)
+        rows = thin(frame.points, self.grid)
         kept = frame.kept[rows]
-        intensity = None if scan.intensity is None else scan.intensity[kept]
-        return ThinScan(frame.points[rows], intensity, _CLASS[labels[kept]], confidence[kept])
+        return ThinScan(frame.points[rows], _CLASS[labels[kept]], confidence[kept])
 
     def window(self, index: int, read: Callable[[int], ThinScan]) -> tuple[Window, ThinScan]:
         """Return scan `index` with the earlier scans that its residuals need, each from `read`."""
@@ -107,13 +113,10 @@ class LabelledRecording:
         chosen = pick_past(ages, self.settings.residuals)
         past = tuple(None if k < 0 else read(index - 1 - int(k)).points for k in chosen)
         T_now_past = np.linalg.inv(poses[index]) @ poses[[index if k < 0 else index - 1 - int(k) for k in chosen]]
-        return Window(now.points, now.intensity, past, T_now_past), now
+        return Window(now.points, past, T_now_past), now
 
     def _frame(self, index: int) -> Frame:
         return make_frame(self.sequence[index], self.trajectory, index)
-
-    def _some_scans(self) -> list[Scan]:
-        return [self.sequence[i] for i in _spread(len(self.sequence), 5)]
 
     def _labels(self, index: int, n_points: int) -> tuple[Labels, npt.NDArray[np.float32]]:
         """Return the (N,) labels of a scan, 0 if nobody labelled it, and how sure each is."""
@@ -170,15 +173,10 @@ def open_labelled(
     return opened
 
 
-def measure_view(frames: list[Frame], scans: list[Scan], settings: ImageSettings) -> SensorView:
-    """Return how a sensor's scans become images, from a few of its frames and the scans they were made of."""
+def measure_grid(frames: list[Frame], settings: ImageSettings) -> ImageGrid:
+    """Return how a sensor's scans become images, from a few of its frames."""
     pattern = learn_pattern(frames)
-    grid = beam_grid(settings.height, settings.width, pattern.row_of_sine, pattern.n_rows)
-    values = [scan.intensity[scan.is_valid] for scan in scans if scan.intensity is not None]
-    together = np.concatenate(values) if values else np.zeros(0)
-    together = together[np.isfinite(together)]
-    scale = float(np.percentile(together, 99)) if len(together) else 0.0
-    return SensorView(grid, max(scale, 0.0))
+    return beam_grid(settings.height, settings.width, pattern.row_of_sine, pattern.n_rows)
 
 
 def _trajectory(
@@ -194,7 +192,3 @@ def _trajectory(
         tick = None if progress is None else (lambda done, total: progress(f"poses {sequence.name}", done, total))
         stage.save("all", estimate_trajectory(sequence, settings.odometry, None, tick).to_arrays())
     return Trajectory.from_arrays(stage.load("all"))
-
-
-def _spread(n: int, count: int) -> list[int]:
-    return [int(i) for i in np.unique(np.linspace(0, n - 1, min(count, n)).astype(int))]

@@ -12,11 +12,8 @@ class _Conv(nn.Sequential):
     """Convolution that keeps the size, leaky ReLU, batch norm."""
 
     def __init__(self, inputs: int, outputs: int, kernel: int = 3, dilation: int = 1):
-        before = dilation * (kernel - 1) // 2
-        after = dilation * (kernel - 1) - before
         super().__init__(
-            nn.ZeroPad2d((before, after, before, after)),
-            nn.Conv2d(inputs, outputs, kernel, dilation=dilation),
+            nn.Conv2d(inputs, outputs, kernel, padding=dilation * (kernel - 1) // 2, dilation=dilation),
             nn.LeakyReLU(),
             nn.BatchNorm2d(outputs),
         )

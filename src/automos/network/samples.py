@@ -24,7 +24,7 @@ class TrainingSamples:
     def __init__(self, recordings: list[LabelledRecording], settings: NetworkSettings):
         self._shelf = Shelf(recordings, _CACHED_SCANS)
         self._settings = settings
-        self._all = np.array([(r, i) for r, recording in enumerate(recordings) for i in range(len(recording))])
+        self._all = np.array([(r, i) for r, recording in enumerate(recordings) for i in recording.with_past])
         self._order, self._epoch = self._all, 0
         self.begin_epoch(0)
 
@@ -53,9 +53,9 @@ class TrainingSamples:
         window, labels = self._shelf.window(int(recording), int(scan))
         size, training = self._settings.image, self._settings.training
         change = draw_change(rng, size.height, size.width) if training.augment else UNCHANGED
-        view = self._shelf.recordings[recording].view
-        window, rows = apply_change(window, change, view.grid, rng)
-        image = make_image(window, view)
+        grid = self._shelf.recordings[recording].grid
+        window, rows = apply_change(window, change, grid, rng)
+        image = make_image(window, grid)
         target, confidence = _targets(image.index, labels.classes[rows], labels.confidence[rows])
         columns = draw_sector(target, training.sector, rng)
         sample: dict[str, npt.NDArray] = {"image": image.channels[:, :, columns], "target": target[:, columns]}
@@ -70,7 +70,7 @@ class ValidationSamples:
     def __init__(self, recordings: list[LabelledRecording], settings: NetworkSettings):
         self._shelf = Shelf(recordings, _CACHED_SCANS // 10)
         self._settings = settings
-        everything = [(r, i) for r, recording in enumerate(recordings) for i in range(len(recording))]
+        everything = [(r, i) for r, recording in enumerate(recordings) for i in recording.with_past]
         n = min(settings.training.validation_scans, len(everything))
         self._all = evenly_spread(everything, n)
 
@@ -88,7 +88,7 @@ class ValidationSamples:
     def __getitem__(self, index: int) -> dict[str, npt.NDArray]:
         recording, scan = self._all[index]
         window, labels = self._shelf.window(recording, scan)
-        image = make_image(window, self._shelf.recordings[recording].view)
+        image = make_image(window, self._shelf.recordings[recording].grid)
         target, _ = _targets(image.index, labels.classes, labels.confidence)
         return {"image": image.channels, "target": target}
 
@@ -149,12 +149,12 @@ def measure_classes(
 def measure_scale(
     recordings: list[LabelledRecording], progress: Progress = lambda name, done, total: None, n_scans: int = 20
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-    """Return the mean and the standard deviation (5,) of the base channels over the pixels that show something."""
+    """Return the mean and the standard deviation (2,) of the base channels over the pixels that show something."""
     n = len(BASE_CHANNELS)
     pixels = []
     for recording, index in _spread_scans(recordings, n_scans, "channels", progress):
         window, _ = recording.window(index, recording.read)
-        channels = make_image(window, recording.view).channels[:n]
+        channels = make_image(window, recording.grid).channels[:n]
         pixels.append(channels[:, channels[0] > 0.0])
     values = np.concatenate(pixels, axis=1).astype(np.float64)
     deviation = np.maximum(values.std(axis=1), 1e-3)

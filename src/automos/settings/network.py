@@ -52,7 +52,7 @@ class TrainingSettings(Group):
         0, ge=0, multiple_of=16, description="image columns per training step; 0: all; more make steps more expensive"
     )
     batch: int = Field(8, ge=1, description="scans per step and device; more need more memory and make fewer steps")
-    augment: bool = Field(True, description="rotate, mirror, shift and thin scans, against overfitting to few scans")
+    augment: bool = Field(True, description="tilt, mirror, shift and thin scans, against overfitting to few scans")
     use_confidence: bool = Field(False, description="weight the loss of every point by the confidence of its label")
     validation_scans: int = Field(
         100, ge=1, description="evenly spread scans to validate an epoch; more are more exact and take longer"
