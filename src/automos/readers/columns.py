@@ -25,7 +25,10 @@ _TIME = (
 _COUNTED = re.compile(r"_(n|u|m)?s(ec)?$")
 _SENSOR = ("sensor", "lidar", "lidar_id", "sensor_id")
 _RING = ("ring", "line", "channel", "laser_id", "laser_number", "beam", "ring_id", "beam_id", "channel_id", "laser")
-_AROUND_AXES = re.compile(r"points?|pos(ition)?|coord(s|inates?)?|xyz|lidar|[cm]?m")
+_AROUND_AXES = re.compile(r"points?|pos(ition)?|coord(s|inates?)?|xyz|lidar|[ckm]?m")
+_METRES = {"km": 1000.0, "cm": 0.01, "mm": 0.001}
+_METRIC = re.compile(r"(?:[(\[{]\s*|_)([ckm]m)(?:\s*[)\]}]|_|$)")
+"""How many metres are in what a name says behind it: x [mm], x_mm."""
 _NOT_METRIC = re.compile(r"[(\[{]\s*(us[- ]?)?(ft|feet|foot|in|inch|inches|yd|yards?)\s*[)\]}]\s*$")
 _UNIT = re.compile(r"[(\[{][^()\[\]{}]*[)\]}]\s*$")
 """What stands behind a name in brackets, as `_COUNTED` behind that of a time."""
@@ -104,12 +107,20 @@ def _by_plain_names(columns: Columns, path: Path) -> Columns:
     if twice is not None:
         both = ", ".join(key for key, name in zip(columns, plain, strict=True) if name == twice)
         raise InputError(f"{path} has {twice} twice ({both}); export it again with the one that is meant")
-    return dict(zip(plain, columns.values(), strict=True))
+    units = {key: _METRES[unit[1]] for key in axes if (unit := _METRIC.search(key.lower()))}
+    in_metres = (column * units[key] if key in units else column for key, column in columns.items())
+    return dict(zip(plain, in_metres, strict=True))
 
 
 def plain_names(names: Sequence[str]) -> list[str]:
-    """Return what columns are called, without case, blanks, units and words around an axis: `Points_m_XYZ:0` is x."""
+    """Return what columns are called, without case, blanks, units and words around an axis: `Points_m_XYZ:0` is x.
+
+    What stands before all three axes alike is left out before the others, too.
+    """
     plain = [_plain(name) for name in names]
+    before = {name[:-1] for name in plain if {name[:-1] + axis for axis in "xyz"} <= {*plain}}
+    if len(before) == 1:
+        plain = [name.removeprefix(*before) or name for name in plain]
     for i, name in enumerate(plain):
         words = [word for word in name.split("_") if word]
         left = [word for word in words if not _AROUND_AXES.fullmatch(word)]
@@ -176,7 +187,7 @@ def _subtractable(times: npt.NDArray) -> npt.NDArray:
 
 def has_time_column(columns: Iterable[str]) -> bool:
     """Return whether any column is named as a time, of use or not."""
-    return any(_COUNTED.sub("", _plain(key)) in _TIME for key in columns)
+    return any(_COUNTED.sub("", name) in _TIME for name in plain_names(list(columns)))
 
 
 def ring_column(columns: Columns) -> npt.NDArray[np.uint16] | None:
@@ -202,7 +213,8 @@ def find_time_unit(times: npt.NDArray) -> float:
 
 def _numbers(columns: Columns) -> Columns:
     """Return by plain names what is numbers: dates and texts, which tables hold beside points, are of no use."""
-    return {_plain(key): column for key, column in columns.items() if column.dtype.kind in "fiu"}
+    numbers = {name: column for name, column in columns.items() if column.dtype.kind in "fiu"}
+    return dict(zip(plain_names(list(numbers)), numbers.values(), strict=True))
 
 
 def _plain(name: str) -> str:
