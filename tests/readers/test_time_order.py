@@ -3,7 +3,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from automos.readers.time_order import put_in_order, read_times, with_all_times
+from automos.readers.time_order import put_in_order, with_all_times
+from automos.readers.times_beside import read_times
 
 WHERE = Path("log")
 
