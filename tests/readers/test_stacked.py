@@ -90,7 +90,7 @@ def test_of_further_stacks_in_a_folder_headers_are_read(tmp_path, scans, monkeyp
     assert (len(found), read) == (3, ["0.npy"])
     np.save(tmp_path / "1.npy", scans[0])
     with pytest.raises(InputError, match=r"1.npy holds one scan, and others beside it hold several"):
-        open_sequence(found[1])
+        open_recordings(tmp_path)
     np.save(tmp_path / "1.npy", rows[0])
     assert find_recordings(tmp_path) == [tmp_path]
 

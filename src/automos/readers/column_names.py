@@ -9,8 +9,8 @@ import numpy.typing as npt
 from automos.core.errors import InputError
 
 TIME = (
-    "t", "time", "timestamp", "timestamps", "time_stamp", "offset_time", "time_offset", "offset", "raw_timestamp",
-    "point_time", "gps_time", "gpstime", "adjustedtime",
+    "t", "time", "times", "timestamp", "timestamps", "time_stamp", "stamp", "stamps", "offset_time", "time_offset",
+    "offset", "raw_timestamp", "point_time", "gps_time", "gpstime", "adjustedtime",
 )  # fmt: skip
 _COUNTED = re.compile(r"_(n|u|m)?s(ec)?$")
 _AROUND_AXES = re.compile(r"points?|pos(ition)?|coord(s|inates?)?|xyz|lidar|[ckm]?m")

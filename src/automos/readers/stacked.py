@@ -1,6 +1,5 @@
 """Scans that lie in one NumPy file: an array (S, N, 3 or more), or an archive with a numbered array for each."""
 
-import re
 from contextlib import suppress
 from pathlib import Path
 
@@ -9,11 +8,10 @@ import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.readers.codecs import CODEC_OF_SUFFIX
+from automos.readers.column_names import is_time
 from automos.readers.files import TEXT, natural_key, point_files
 from automos.readers.formats import Format
 from automos.readers.zipped import ZippedSequence
-
-_TIMES = re.compile(r"t|(time_?)?(stamp|time)s?")
 
 
 def _scans_of(path: Path) -> tuple[list[npt.NDArray] | None, npt.NDArray | None]:
@@ -28,7 +26,7 @@ def _scans_of(path: Path) -> tuple[list[npt.NDArray] | None, npt.NDArray | None]
     else:
         found = stack_in(*clouds.values()) if len(clouds) == 1 else []
     sized = (name for name, array in arrays.items() if found and array.shape == (len(found),))
-    return found, next((arrays[name] for name in sized if _TIMES.fullmatch(name.lower())), None)
+    return found, next((arrays[name] for name in sized if is_time(name)), None)
 
 
 def find(path: Path) -> list[Path]:

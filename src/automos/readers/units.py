@@ -26,7 +26,7 @@ NEAREST = 30.0
 """Metres within which every LiDAR sees at least one in twenty."""
 _ASKED, _AMONG = 2000, 20_000
 """Points whose range is compared, with one among so many."""
-_NEARLY = 0.03
+_NEARLY = 0.05
 """Share of a turn by which measured azimuths may miss it or go beyond."""
 _AS_SMOOTH = 2.0
 """Times the spread of ranges in one direction: angles have at most 1.8 times of what they have read as coordinates, and
