@@ -48,7 +48,7 @@ def _clock_of(*readings: Sequence[float | None]) -> npt.NDArray[np.float64] | No
     return known[min(likely)[1]] if likely else None
 
 
-def _since_start(texts: Sequence[str]) -> list[float | None]:
+def _since_start(texts: Sequence[str]) -> Sequence[float | None]:
     """Return seconds where whole numbers may be nanoseconds of any clock, as they go on evenly; else nothing."""
     counts = np.array([text if text.isdecimal() else "nan" for text in texts], np.float64)
     steps = np.diff(np.sort(counts))

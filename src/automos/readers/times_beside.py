@@ -75,11 +75,15 @@ def _table(text: str) -> tuple[list[str], list[list[str]]]:
 
 def _times_in(head: Sequence[str], columns: Sequence[Sequence[str]]) -> npt.NDArray[np.float64]:
     """Return (L,) the times among `columns`, as they are counted there."""
-    known = {i: times for i, one in enumerate(columns) if None not in (times := [_seconds(cell) for cell in one])}
+    known = {
+        i: np.array(told, np.float64)
+        for i, one in enumerate(columns)
+        if None not in (told := [_seconds(cell) for cell in one])
+    }
     whole = next((i for i in known if head and _SECONDS.fullmatch(head[i])), None)
     parts = next((i for i in known if head and _NANOSECONDS.fullmatch(head[i])), None)
     if whole is not None and parts is not None:
-        return np.array(known[whole], np.float64) + 1e-9 * np.array(known[parts], np.float64)
+        return known[whole] + 1e-9 * known[parts]
     clocks = [
         i for i, times in known.items() if (steps := np.diff(times)).min(initial=1.0) > 0.0 and (steps != 1.0).any()
     ]
@@ -87,7 +91,7 @@ def _times_in(head: Sequence[str], columns: Sequence[Sequence[str]]) -> npt.NDAr
     if not left:
         stray = next((cell for one in columns for cell in one if _seconds(cell) is None), "several columns")
         raise ValueError(f"it holds {stray!r}")
-    return np.array(known[left[0]], np.float64)
+    return known[left[0]]
 
 
 def _seconds(cell: str) -> float | None:

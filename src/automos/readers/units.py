@@ -61,7 +61,7 @@ def are_angles(cloud: npt.NDArray[np.floating]) -> bool:
     """Return whether the columns of a scan, `cloud` (N, 3), are a range and two angles of a turning sensor."""
     known = cloud[np.isfinite(cloud).all(axis=1) & cloud.any(axis=1)].astype(np.float64)
     known = known[np.random.default_rng(0).permutation(len(known))[:_AMONG]]
-    spread = None
+    spread: float | None = None
     for order, turn in product(permutations(range(3)), (np.pi, 180.0)):
         away, around, up = known[:, order].T
         is_turn = len(known) >= MIN_POINTS and abs(np.ptp(around) / (2.0 * turn) - 1.0) < _NEARLY
