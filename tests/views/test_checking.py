@@ -120,7 +120,9 @@ def write_angles(folder, scans):
 
 
 def with_table(folder):
-    (folder / "timestamps.csv").write_text("frame,time\n" + "\n".join(f"{i},{0.05 * i:.2f}" for i in range(len(DRIVE))))
+    (folder / "timestamps.csv").write_text(
+        "frame,time\n" + "\n".join(f"{i},{0.125 * i:.3f}" for i in range(len(DRIVE)))
+    )
     return folder
 
 
@@ -211,7 +213,7 @@ CASES = {
     ),
     "times in a table": (
         lambda f, scans: with_table(write_bins(f, scans)),
-        "drive can be labelled: 12 scans, a folder, .bin files of x,y,z,intensity, 16 beams all round, 20.0 scans a",
+        "drive can be labelled: 12 scans, a folder, .bin files of x,y,z,intensity, 16 beams all round, 8.0 scans a",
     ),
     "zip": (
         lambda f, scans: zipped(write_bins(f, scans)),
@@ -219,7 +221,7 @@ CASES = {
     ),
     "bag of a recorder that was killed": (
         lambda f, scans: without_index(write_bag(f.with_suffix(".bag"), {"/points": messages(scans)})),
-        "drive can be labelled, with 1 doubt: 12 scans, a bag, .active with /points, 16 beams all round, 10.0 scans",
+        "drive can be labelled: 12 scans, a bag, .active with /points, 16 beams all round, 10.0 scans",
     ),
     "bag without the name of its storage": (
         lambda f, scans: without_storage(write_bag(f, {"/points": messages(scans)})),
@@ -227,7 +229,7 @@ CASES = {
     ),
     "angles": (write_angles, "drive cannot be labelled: {} holds ranges and angles, as it seems"),
     **{
-        kind: (lambda f, scans, kind=kind: packed(f.with_suffix(f".{kind}")), f"drive.{kind} cannot be labelled: {{}}")
+        kind: (lambda f, scans, kind=kind: packed(f.with_suffix(f".{kind}")), f"drive.{kind} cannot be labelled: ")
         for kind in ("e57", "lvx", "osf")
     },
     "nothing": (lambda f, scans: f.mkdir() or f, "drive cannot be labelled: {} is empty"),
