@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import sys
 
 import pytest
 import typer
@@ -12,7 +13,7 @@ import automos
 from automos.cli import app
 from automos.core.atomic import write_text
 from automos.core.claims import EXPORT, MARK, METHODS, RESULTS, claim, claim_file, held_by, remove
-from automos.core.errors import InputError
+from automos.core.errors import InputError, MissingExtraError
 from automos.core.workspace import Workspace
 
 links = pytest.mark.skipif(not hasattr(os, "symlink") or os.name == "nt", reason="needs links")
@@ -173,6 +174,32 @@ def test_a_command_may_be_repeated(started, tmp_path, command):
         done = started("", FOLDERS[command], tmp_path / "new")
         assert done.exit_code == 0, (done.exception, done.output)
     assert held_by(tmp_path / "new") is not None
+
+
+LACKING = {
+    "clean RUN LOG --as laz --out OUT": "laspy",
+    "clean RUN LOG --as mcap --out OUT": "mcap rosbags",
+    "map RUN --kind laz --out OUT": "lazrs",
+    "train --data LOG=RUN --out OUT": "torch",
+    "reproduce table2 --out OUT": "torch",
+    "segment LOG --method lmnet --out OUT": "torch onnxruntime openvino",
+    "simulate OUT --sensor VLP-16 --scans 2 --workers 1 --bag": "rosbags",
+    "live LOG --speed 0 --foxglove --out OUT": "foxglove",
+    "live LOG --speed 0 --view --out OUT": "rerun",
+    "label LOG --ray local --out OUT": "ray",
+    "export-network NETWORK --out OUT": "onnx onnxscript",
+    "view RUN LOG --rrd OUT": "rerun",
+}
+"""Words of the commands that an optional package is for, and the modules that are not installed."""
+
+
+@pytest.mark.parametrize("words", LACKING)
+def test_what_cannot_begin_for_want_of_a_package_leaves_nothing(started, tmp_path, monkeypatch, words):
+    for module in LACKING[words].split():
+        monkeypatch.setitem(sys.modules, module, None)
+    done = started("", words, tmp_path / "out")
+    assert isinstance(done.exception, MissingExtraError), (done.exception, done.output)
+    assert not (tmp_path / "out").exists()
 
 
 # --------------------------------------------------------------------------------------------------- the mechanism

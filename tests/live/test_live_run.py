@@ -78,12 +78,28 @@ def test_a_replay_keeps_the_recordings_pace():
     begin = time.monotonic()
     tally = run_live(Replay(recording(6), speed=2.0), Slow(), [])
     assert time.monotonic() - begin > 5 * 0.1 / 2.0
-    assert tally.labelled + tally.left_out == 6
+    assert (tally.labelled, tally.left_out) == (6, 0)
 
 
-def test_what_is_too_much_is_left_out_counted_and_said(caplog):
+def test_a_replay_waits_for_who_is_slower_and_leaves_nothing_out():
     seen = []
-    tally = run_live(Replay(recording(40, 0.01)), Slow(0.05), [collect(seen)])
+    tally = run_live(Replay(recording(20, 0.001)), Slow(0.01), [collect(seen)])
+    assert (tally.labelled, tally.left_out) == (20, 0)
+    assert [index for _, index in seen] == list(range(20))
+
+
+class Sensor(Feed):
+    """Sends forty scans, a hundred a second, whoever takes them."""
+
+    def receive(self):
+        for i in range(40):
+            time.sleep(0.01)
+            self.latest.put(Scan(np.full((2, 3), i + 1.0), name=f"{i:06d}"))
+
+
+def test_what_is_too_much_of_a_sensor_is_left_out_counted_and_said(caplog):
+    seen = []
+    tally = run_live(Sensor(), Slow(0.05), [collect(seen)])
     assert tally.left_out > 10
     assert tally.labelled + tally.left_out == 40
     assert [index for _, index in seen] == list(range(tally.labelled))

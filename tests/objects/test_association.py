@@ -96,6 +96,20 @@ def test_the_nearer_of_two_that_overlap_is_the_cheaper():
 
 
 # ------------------------------------------------------------------------------------------------------ assignment
+def test_whose_place_is_known_is_preferred_to_one_that_could_be_anywhere():
+    # Two tracks of one thing, of which one was missed for a while: it does not take turns with the other one.
+    noise = FilterSettings()
+    covariance = np.array([0.1, 1.0])[:, None, None] * np.eye(10)
+    mean = kalman.start(Boxes.concatenate([box(0.3), box(0.0)]), noise, 100.0).mean
+    two, count = np.zeros(2, np.int64), np.array([50.0])
+    objects = Objects(mean, covariance, two, np.zeros(2), two, np.full(2, 0.5), np.full(2, 50.0))
+    found = Detections.of_objects(box(0.0), count, np.zeros(1), np.zeros(1))
+    known, vague = motion_cost(objects, found, noise, GateSettings())[:, 0]
+    r = noise.measurement_variance
+    assert vague - known == pytest.approx(2.0 * np.log((1.0 + r) / (0.1 + r)) - 0.3**2 / (0.1 + r))
+    assert known < vague
+
+
 def best_by_brute_force(table: np.ndarray) -> tuple[int, float]:
     """Return the most pairs possible and the least cost of so many, by trying all."""
     n_rows, n_columns = table.shape

@@ -182,7 +182,7 @@ def test_a_bin_file_that_does_not_fit_the_named_codec_is_told(kitti):
         ("0\n0.1\n0.2\n", "holds 3 times for 4 scans"),
         ("0\n0.1\nnan\n0.2\n", "line 3: the time is not a number"),
         ("0\n0.1\nnoon\n0.2\n", "must hold one time in seconds a line"),
-        ("0 0\n0.1 1\n0.2 2\n0.3 3\n", "must hold one time in seconds a line"),
+        ("0 0\n0.1\n0.2 2\n0.3 3\n", "must hold one time in seconds a line"),
     ],
 )
 def test_a_bad_times_file_is_told(kitti, text, message):

@@ -32,6 +32,14 @@ def test_times_are_found_wherever_they_stand(name):
     np.testing.assert_allclose(stamps, TIMES, atol=1e-6)
 
 
+def test_nanoseconds_of_a_clock_that_began_with_the_sensor_are_times():
+    since = 105.123 + 0.2 * np.arange(9) + 1e-4 * np.random.default_rng(0).normal(size=9)
+    stamps = stamps_from_names([f"os1_{k:03d}_{round(1e9 * t)}" for k, t in enumerate(since)])
+    np.testing.assert_allclose(stamps, since, atol=1e-8)
+    codes = np.random.default_rng(0).integers(10**9, 10**11, 50)
+    assert stamps_from_names([f"{code}" for code in codes]) is None
+
+
 COUNTERS = {
     "numbers": lambda k, t: f"{k:06d}",
     "numbers behind a day": lambda k, t: f"2011_09_26_drive_0005_{k:010d}",

@@ -183,6 +183,15 @@ def test_numbers_of_no_structure_are_refused_with_how_to_say_the_columns(tmp_pat
         open_sequence(folder)
 
 
+def test_a_few_numbers_of_no_structure_are_no_larger_records(tmp_path):
+    rng = np.random.default_rng(0)
+    points = rng.normal(0.0, 10.0, (400, 4)).astype(np.float32)
+    points[np.arange(400) % 8 != 0, 0] = 3e38
+    points.tofile(tmp_path / "0.bin")  # 50 records of 128 bytes, which begin with three lengths
+    with pytest.raises(InputError, match=r"0\.bin has 6400 bytes and no header.*--columns x,y,z,intensity"):
+        open_sequence(tmp_path)
+
+
 def test_a_few_points_are_read_as_kittis_where_they_fit_and_else_asked_for(tmp_path, scans):
     few = [{name: column[:n] for name, column in one.items()} for n, one in zip((7, 11, 13), scans, strict=False)]
     assert [len(scan) for scan in open_sequence(write(tmp_path / "four", RECORDS["x,y,z,intensity"], few))] == [

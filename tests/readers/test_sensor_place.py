@@ -113,6 +113,12 @@ def test_poses_beside_clouds_of_the_sensor_move_no_point(tmp_path, scans):
     assert sequence.about["frame"] == "the sensor's own"
 
 
+def test_a_map_that_begins_where_a_short_drive_does_is_told(tmp_path):
+    short = [pose(2.0 * i, 1.5 * i) for i in range(N)]
+    with pytest.raises(InputError, match="in the frame of a map"):
+        open_sequence(write(tmp_path, [moved(sweep(T, seed=i), T) for i, T in enumerate(short)]))
+
+
 @pytest.mark.parametrize("kind", [np.float64, np.float32])
 @pytest.mark.parametrize("where", ["far", "near", "start"])
 def test_clouds_of_a_map_without_poses_are_refused_with_where_the_sensor_seems_to_be(tmp_path, scans, where, kind):

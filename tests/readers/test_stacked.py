@@ -5,7 +5,7 @@ import pytest
 
 from automos.core.array_sequence import as_sequence
 from automos.core.errors import InputError
-from automos.readers import find_recordings, open_recordings, open_sequence
+from automos.readers import find_recordings, npy, open_recordings, open_sequence
 
 BEAMS, STEPS, SCANS = 16, 90, 12
 
@@ -78,6 +78,21 @@ def test_what_may_be_either_is_refused_where_it_is_all_there_is(tmp_path, scans)
     for path in (tmp_path, tmp_path / "drive.npy"):
         with pytest.raises(InputError, match=r"drive.npy holds an array whose rows may be scans or parts of one"):
             open_sequence(path)
+
+
+def test_of_further_stacks_in_a_folder_headers_are_read(tmp_path, scans, monkeypatch):
+    rows, read = scans.reshape(SCANS, -1, 4), []
+    for k in range(3):
+        np.save(tmp_path / f"{k}.npy", rows)
+    whole = npy.load
+    monkeypatch.setattr(npy, "load", lambda path: read.append(path.name) or whole(path))
+    found = find_recordings(tmp_path)
+    assert (len(found), read) == (3, ["0.npy"])
+    np.save(tmp_path / "1.npy", scans[0])
+    with pytest.raises(InputError, match=r"1.npy holds one scan, and others beside it hold several"):
+        open_recordings(tmp_path)
+    np.save(tmp_path / "1.npy", rows[0])
+    assert find_recordings(tmp_path) == [tmp_path]
 
 
 def test_a_damaged_file_is_told(tmp_path, scans):

@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from automos.readers.time_order import put_in_order, read_times, with_all_times
+from automos.readers.time_order import put_in_order, with_all_times
 
 WHERE = Path("log")
 
@@ -91,27 +91,6 @@ def test_scans_that_came_late_are_put_in_their_place(lost):
 
 
 STAMPS = 1_500_000_000.0 + 0.1 * np.arange(12)
-WRITTEN = {
-    "milliseconds": [f"{1e3 * t:.0f}" for t in STAMPS],
-    "microseconds": [f"{1e6 * t:.0f}" for t in STAMPS],
-    "nanoseconds": [f"{round(1e9 * t)}" for t in STAMPS],
-    "nanoseconds since it was switched on": [f"{round(1e9 * (t - STAMPS[0]))}" for t in STAMPS],
-    "dates": [f"2017-07-14 02:40:0{k // 10}.{k % 10}00000000" for k in range(12)],
-    "seconds": [f"{t:.3f}" for t in STAMPS],
-    "few seconds": [f"{t - STAMPS[0]:.1e}" for t in STAMPS],
-}
-
-
-@pytest.mark.parametrize("unit", WRITTEN)
-def test_times_are_seconds_of_whatever_is_counted(tmp_path, unit):
-    (tmp_path / "times.txt").write_text("\n".join(WRITTEN[unit]))
-    found = read_times(tmp_path / "times.txt", names(12))
-    np.testing.assert_allclose(found - found[0], STAMPS - STAMPS[0], atol=1e-5)
-
-
-def test_scans_ten_seconds_apart_are_not_taken_for_milliseconds(tmp_path):
-    (tmp_path / "times.txt").write_text("0\n10\n20\n30\n")
-    np.testing.assert_array_equal(read_times(tmp_path / "times.txt", names(4)), [0.0, 10.0, 20.0, 30.0])
 
 
 def test_scans_without_a_time_get_one_between_those_beside_them():

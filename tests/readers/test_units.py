@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from sweeps import points_of, sweep
 
 from automos.core.errors import InputError
 from automos.readers import open_sequence
-from automos.readers.units import unit_of
+from automos.readers.units import are_angles, unit_of
 
 
 def street(n=2000, seed=0):
@@ -46,3 +47,41 @@ def test_a_folder_of_maps_is_refused_still(tmp_path):
     cloud.tofile(tmp_path / "000000.bin")
     with pytest.raises(InputError, match="of a map"):
         open_sequence(tmp_path)[0]
+
+
+def polar(cloud, turn, order, noise=0.0):
+    """Return range, azimuth and elevation (`turn` is half a turn) in some order, the directions off by a little."""
+    away = np.linalg.norm(cloud, axis=1)
+    around, up = np.arctan2(cloud[:, 1], cloud[:, 0]), np.arcsin(cloud[:, 2] / away)
+    rng = np.random.default_rng(0)
+    around = around + rng.normal(0.0, noise, len(away))
+    return np.column_stack([away, around * turn / np.pi, up * turn / np.pi])[:, order]
+
+
+@pytest.mark.parametrize("turn", [np.pi, 180.0])
+@pytest.mark.parametrize("order", [(0, 1, 2), (1, 2, 0), (0, 2, 1)])
+@pytest.mark.parametrize("noise", [0.0, 2e-3])
+def test_ranges_and_angles_are_no_coordinates(tmp_path, turn, order, noise):
+    for k in range(3):
+        polar(points_of(sweep(seed=k)), turn, order, noise).astype("<f4").tofile(tmp_path / f"{k}.bin")
+    with pytest.raises(InputError, match=r"holds ranges and angles, as it seems.*; write the coordinates"):
+        open_sequence(tmp_path)
+
+
+@pytest.mark.parametrize("width", [2.0 * np.pi, 360.0])
+def test_a_view_to_the_front_that_is_as_wide_as_a_turn_is_no_angle(width):
+    cloud = points_of(sweep())
+    front = cloud[cloud[:, 0] > np.abs(cloud[:, 1])].astype(float)
+    front *= width / np.ptp(front[:, 1])
+    assert not are_angles(front)
+    assert not are_angles(cloud)
+    assert not are_angles(np.zeros((0, 3)))
+
+
+@pytest.mark.recordings
+@pytest.mark.parametrize("name", ["kitti_0005", "lyft_5hz", "room_vlp16", "handheld_xt32"])
+def test_real_sweeps_told_in_angles_are_known(recording_of, name):
+    cloud = open_sequence(recording_of(name))[5].rays.astype(float)
+    cloud = cloud[np.linalg.norm(cloud, axis=1) > 0.5]
+    assert not are_angles(cloud)
+    assert all(are_angles(polar(cloud, *told)) for told in ((np.pi, (0, 1, 2)), (180.0, (1, 2, 0))))

@@ -1,11 +1,14 @@
 """What is said of a recording before it is labelled: it must be true."""
 
 import json
+import re
+import zipfile
 
 import numpy as np
 import pytest
 from bags import cloud, write_bag
 from point_writers import write_pcd, write_points
+from scipy.spatial.transform import Rotation
 from sweeps import moved, points_of, pose, sweep
 from typer.testing import CliRunner
 
@@ -60,6 +63,66 @@ def in_two_parts(folder, scans):
     every = messages(scans)
     for k, some in enumerate((every[:6], every[6:])):
         write_bag(folder / f"drive_{k}.mcap", {"/points": some})
+    return folder
+
+
+def write_map_with_viewpoints(folder, scans):
+    folder.mkdir()
+    for i, (columns, T) in enumerate(zip(scans, FAR @ np.array(DRIVE), strict=True)):
+        x, y, z, w = Rotation.from_matrix(T[:3, :3]).as_quat()
+        place = " ".join(map(str, (*T[:3, 3], w, x, y, z)))
+        write_pcd(folder / f"{i}.pcd", moved({axis: columns[axis] for axis in "xyz"}, T), viewpoint=place)
+    return folder
+
+
+def with_gaps(columns):
+    return {name: np.insert(column, np.arange(0, len(column), 3), np.nan) for name, column in columns.items()}
+
+
+def write_csvs(folder, scans):
+    folder.mkdir()
+    for i, columns in enumerate(scans):
+        rows = np.column_stack([columns[name] for name in ("x", "y", "z", "intensity")])
+        np.savetxt(folder / f"{i}.csv", rows, "%.4f", ",", header="X [m],Y [m],Z [m],signal photons", comments="")
+    return folder
+
+
+def without_index(bag):
+    """Leave a bag as its recorder does when it is killed."""
+    raw, path = bag.read_bytes(), bag.with_suffix(".bag.active")
+    at = raw.index(b"index_pos=") + 10
+    path.write_bytes(raw[:at] + bytes(8) + raw[at + 8 : int.from_bytes(raw[at : at + 8], "little")])
+    bag.unlink()
+    return path
+
+
+def zipped(folder):
+    path = folder.with_suffix(".zip")
+    with zipfile.ZipFile(path, "w") as archive:
+        for file in sorted(folder.iterdir()):
+            archive.write(file, f"export/{file.name}")
+    return path
+
+
+def without_storage(bag):
+    about = bag / "metadata.yaml"
+    about.write_text(re.sub(r"storage_identifier: .*", 'storage_identifier: ""', about.read_text()))
+    return bag
+
+
+def write_angles(folder, scans):
+    folder.mkdir()
+    for i, columns in enumerate(scans):
+        x, y, z = (columns[axis] for axis in "xyz")
+        told = [np.sqrt(x * x + y * y + z * z), np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))]
+        np.column_stack(told).astype("<f4").tofile(folder / f"{i}.bin")
+    return folder
+
+
+def with_table(folder):
+    (folder / "timestamps.csv").write_text(
+        "frame,time\n" + "\n".join(f"{i},{0.125 * i:.3f}" for i in range(len(DRIVE)))
+    )
     return folder
 
 
@@ -136,6 +199,39 @@ CASES = {
         lambda f, scans: packed(f.with_suffix(".bag.gz"), b"\x1f\x8b" + bytes(60)),
         "drive.bag.gz cannot be labelled: {}.bag.gz is compressed (gzip)",
     ),
+    "map with viewpoints": (
+        write_map_with_viewpoints,
+        "drive can be labelled, with 1 doubt: 12 scans, a folder, .pcd files, 16 beams all round, no times",
+    ),
+    "not finite": (
+        lambda f, scans: write_pcds(f, list(map(with_gaps, scans))),
+        "drive can be labelled: 12 scans, a folder, .pcd files, 16 beams all round, no times",
+    ),
+    "table": (
+        write_csvs,
+        "drive can be labelled: 12 scans, a folder, .csv files, 16 beams all round, no times",
+    ),
+    "times in a table": (
+        lambda f, scans: with_table(write_bins(f, scans)),
+        "drive can be labelled: 12 scans, a folder, .bin files of x,y,z,intensity, 16 beams all round, 8.0 scans a",
+    ),
+    "zip": (
+        lambda f, scans: zipped(write_bins(f, scans)),
+        "drive can be labelled: 12 scans, an archive, .bin files of x,y,z,intensity, 16 beams all round, no times",
+    ),
+    "bag of a recorder that was killed": (
+        lambda f, scans: without_index(write_bag(f.with_suffix(".bag"), {"/points": messages(scans)})),
+        "drive can be labelled: 12 scans, a bag, .active with /points, 16 beams all round, 10.0 scans",
+    ),
+    "bag without the name of its storage": (
+        lambda f, scans: without_storage(write_bag(f, {"/points": messages(scans)})),
+        "drive can be labelled: 12 scans, a bag, .mcap with /points, 16 beams all round, 10.0 scans a second",
+    ),
+    "angles": (write_angles, "drive cannot be labelled: {} holds ranges and angles, as it seems"),
+    **{
+        kind: (lambda f, scans, kind=kind: packed(f.with_suffix(f".{kind}")), f"drive.{kind} cannot be labelled: ")
+        for kind in ("e57", "lvx", "osf")
+    },
     "nothing": (lambda f, scans: f.mkdir() or f, "drive cannot be labelled: {} is empty"),
     "absent": (lambda f, scans: f, "drive cannot be labelled: {} does not exist"),
 }

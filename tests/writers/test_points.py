@@ -253,11 +253,18 @@ def test_an_unknown_format_names_the_nearest_and_a_place_in_the_way_is_told(run,
         export(run, "pcd", Path(os.devnull))
 
 
-@pytest.mark.parametrize(("format", "module"), [("laz", "laspy"), ("parquet", "pyarrow"), ("mcap", "rosbags.rosbag2")])
+@pytest.mark.parametrize(
+    ("format", "module"), [(name, module) for name in EXPORTS for module in load_export(name).modules]
+)
 def test_a_missing_package_is_told_with_the_command_that_installs_it(run, tmp_path, monkeypatch, format, module):
     monkeypatch.setitem(__import__("sys").modules, module, None)
     with pytest.raises(MissingExtraError, match=rf"pip install '.*\[{load_export(format).needs}\]'"):
         export(run, format, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_format_that_needs_an_extra_says_what_it_imports_of_it():
+    assert all(bool(load_export(name).needs) == bool(load_export(name).modules) for name in EXPORTS)
 
 
 def test_parquet_holds_scans_of_which_some_lack_what_others_have(tmp_path):

@@ -116,9 +116,12 @@ def make_map(
     from automos.results.open_run import open_run
     from automos.settings import load_settings, read_overrides
     from automos.writers.maps.make_map import make_map as write_map
+    from automos.writers.maps.writers import check_kind
 
     overrides = [*(set_ or []), *([] if voxel is None else [f"map.voxel={voxel}"])]
     place, wanted = out or Path("automos_map"), list(dict.fromkeys(kinds or ["ply"]))
+    for kind in wanted:  # before minutes of labelling
+        check_kind(place / f"map.{kind}")
     if Workspace(recording).read_run():
         if (method, poses, calib) != (None, None, None):
             raise InputError(f"{recording} holds labels and poses: leave --method, --poses and --calib out")

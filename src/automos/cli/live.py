@@ -37,7 +37,7 @@ def live(
     port: Annotated[int, typer.Option(min=0, max=65535, help="port of --web or --foxglove; 0: any free one")] = 0,
     browser: Annotated[bool, typer.Option(help="with --web, open a browser")] = True,
     points: Annotated[int, typer.Option(min=0, help="static points shown per scan, at most")] = 20_000,
-    speed: Annotated[float, typer.Option(min=0.0, help="rate of a replay; 0: fastest, nothing left out")] = 1.0,
+    speed: Annotated[float, typer.Option(min=0.0, help="rate of a replay, at most; 0: fastest")] = 1.0,
     timeout: Annotated[float, typer.Option(min=0.1, help="seconds without packets after which it ends")] = 10.0,
     format: Format = None,
     rate: Rate = None,

@@ -101,9 +101,9 @@ def label_fleet(
     work, cache_bytes = resources.work.absolute(), int(resources.cache_gb * _GB)
     job = Job(settings, target, work, cache_bytes, resources.chunk, pose_file, calib_file, poses[2])
     with (
+        (executor or make_executor)(resources) as workers,
         work_folder(resources.work, is_needed),
         closing(Ledger(path, books if is_url(target) else None)) as ledger,
-        (executor or make_executor)(resources) as workers,
     ):
         ledger.begin(recordings, key, dump_yaml(settings), versions(), workers.slots)
         return label_all(recordings, job, workers, ledger, progress)

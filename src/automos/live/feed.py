@@ -81,7 +81,7 @@ class Replay(Feed):
     """A recording at its own pace, as if it came from the sensor now."""
 
     def __init__(self, sequence: Sequence, speed: float = 1.0):
-        """Take how many times as fast; 0: every scan as soon as the one before was taken, so none is left out.
+        """Take how many times as fast; 0: every scan as soon as the one before was taken. None is left out.
 
         Raises
         ------
@@ -94,7 +94,7 @@ class Replay(Feed):
         self.recording, self._sequence, self._speed = sequence, sequence, speed
 
     def receive(self) -> None:
-        """Put in every scan when its time has come."""
+        """Put in every scan when its time has come and the one before was taken: a file waits, as no sensor does."""
         stamps = self._sequence.stamps
         begin, first = time.monotonic(), None
         for i, name in enumerate(self._sequence.names):
@@ -108,4 +108,4 @@ class Replay(Feed):
             if self._stop.is_set():
                 return
             known = None if stamps is None else stamp
-            self.latest.put(replace(scan, stamp=known, name=name), wait=self._speed == 0.0)
+            self.latest.put(replace(scan, stamp=known, name=name), wait=True)

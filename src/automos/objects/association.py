@@ -51,8 +51,8 @@ def motion_cost(objects: Objects, found: Detections, noise: FilterSettings, sett
     """Return the (K, M) cost of associating predicted objects with detections, inf where a gate forbids it (`default`).
 
     The paper's gates are in metres per scan: an object faster than 2 m per scan never gets a second observation, and
-    one that shows another side changes its volume. Here the gate is the innovation covariance of the filter; size,
-    height, number of points and evidence choose among the detections within it.
+    one that shows another side changes its volume. Here the gate is the innovation covariance of the filter; its
+    likelihood, size, height, number of points and evidence choose among the detections within it.
     """
     cost = np.full((len(objects), len(found)), np.inf)
     deviation = np.sqrt(objects.covariance[:, [0, 1], [0, 1]].max(axis=1, initial=0.0))
@@ -61,7 +61,8 @@ def motion_cost(objects: Objects, found: Detections, noise: FilterSettings, sett
     # Most pairs are far apart.
     k, j = np.nonzero((np.abs(x[:, None] - found_x) < reach) & (np.abs(y[:, None] - found_y) < reach))
     mean, size, offset = objects.mean[k], found.boxes.size[j], found.boxes.center[j] - objects.mean[k, :3]
-    squared = _mahalanobis(offset[:, :2], objects.covariance[k, :2, :2] + noise.measurement_variance * np.eye(2))
+    spread = objects.covariance[k, :2, :2] + noise.measurement_variance * np.eye(2)
+    squared = _mahalanobis(offset[:, :2], spread)
     overlap = _overlap(mean, offset, found.boxes.yaw[j], size)
     squared = np.minimum(squared, np.where(overlap > MIN_OVERLAP, (1.0 - overlap) * settings.gate**2, np.inf))
     climb = np.abs(offset[:, 2])
@@ -72,7 +73,9 @@ def motion_cost(objects: Objects, found: Detections, noise: FilterSettings, sett
     settling = objects.share[k] - found.moving_share[j]
     is_possible = (squared < settings.gate**2) & (climb < MAX_CLIMB)
     is_possible &= thinning < np.log(MAX_COUNT_RATIO)
-    price = squared + climb + SIZE_WEIGHT * growth + thinning + EVIDENCE_WEIGHT * np.abs(settling)
+    # -2 log of the density's height: whose place is known explains a detection better than whose could be anywhere.
+    vagueness = np.log(np.linalg.det(spread)) - 2.0 * np.log(noise.measurement_variance)
+    price = squared + vagueness + climb + SIZE_WEIGHT * growth + thinning + EVIDENCE_WEIGHT * np.abs(settling)
     cost[k, j] = np.where(is_possible, price, np.inf)
     return cost
 

@@ -4,8 +4,7 @@ Drivers agree on x, y, z and on little else. Names are compared without case; a 
 or not what its name says (a ring that is not a whole number) becomes None rather than a guess.
 """
 
-import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,22 +13,13 @@ import numpy.typing as npt
 from automos.core.errors import InputError
 from automos.core.geometry import inverse, transform
 from automos.core.scan import MAX_RANGE, Points, Pose, Scan
+from automos.readers.column_names import TIME, by_plain_names, plain_names, uncounted
 
 Columns = dict[str, npt.NDArray]
 
 _INTENSITY = ("intensity", "i", "reflectivity", "reflectance", "remission", "signal_photons", "signal")
-_TIME = (
-    "t", "time", "timestamp", "timestamps", "time_stamp", "offset_time", "time_offset", "offset", "raw_timestamp",
-    "point_time", "gps_time", "gpstime", "adjustedtime",
-)  # fmt: skip
-_COUNTED = re.compile(r"_(n|u|m)?s(ec)?$")
 _SENSOR = ("sensor", "lidar", "lidar_id", "sensor_id")
 _RING = ("ring", "line", "channel", "laser_id", "laser_number", "beam", "ring_id", "beam_id", "channel_id", "laser")
-_AROUND_AXES = re.compile(r"points?|pos(ition)?|coord(s|inates?)?|xyz|lidar|[cm]?m")
-_NOT_METRIC = re.compile(r"[(\[{]\s*(us[- ]?)?(ft|feet|foot|in|inch|inches|yd|yards?)\s*[)\]}]\s*$")
-_UNIT = re.compile(r"[(\[{][^()\[\]{}]*[)\]}]\s*$")
-"""What stands behind a name in brackets, as `_COUNTED` behind that of a time."""
-
 UNNAMED = ("x", "y", "z", "intensity", "ring")
 """Columns of arrays and tables that do not name them."""
 MAX_COLUMNS = 100
@@ -71,7 +61,7 @@ def to_scan(
     InputError
         If x, y or z is missing.
     """
-    columns = _by_plain_names(columns, path)
+    columns = by_plain_names(columns, path)
     points = _coordinates(columns, path, np.float32 if T_file_sensor is None else np.float64)
     columns = _numbers(columns)
     if unit != 1.0:
@@ -92,31 +82,7 @@ def to_scan(
 
 def coordinates(columns: Columns, path: Path) -> npt.NDArray[np.float64]:
     """Return the (N, 3) coordinates among `columns`, in the file's unit and frame; errors are those of `to_scan`."""
-    return _coordinates(_by_plain_names(columns, path), path, np.float64)
-
-
-def _by_plain_names(columns: Columns, path: Path) -> Columns:
-    plain = plain_names(list(columns))
-    axes = [key for key, name in zip(columns, plain, strict=True) if name in ("x", "y", "z")]
-    if other := list(filter(_NOT_METRIC.search, axes)):
-        raise InputError(f"{path} has coordinates in another unit than metres ({other[0]}); export it again in metres")
-    twice = next((axis for axis in "xyz" if plain.count(axis) > 1), None)
-    if twice is not None:
-        both = ", ".join(key for key, name in zip(columns, plain, strict=True) if name == twice)
-        raise InputError(f"{path} has {twice} twice ({both}); export it again with the one that is meant")
-    return dict(zip(plain, columns.values(), strict=True))
-
-
-def plain_names(names: Sequence[str]) -> list[str]:
-    """Return what columns are called, without case, blanks, units and words around an axis: `Points_m_XYZ:0` is x."""
-    plain = [_plain(name) for name in names]
-    for i, name in enumerate(plain):
-        words = [word for word in name.split("_") if word]
-        left = [word for word in words if not _AROUND_AXES.fullmatch(word)]
-        axis = "xyz"["012".index(left[0])] if left in (["0"], ["1"], ["2"]) and left != words else "".join(left)
-        if axis in ("x", "y", "z") and axis not in plain:  # one that is called so alone comes first
-            plain[i] = axis
-    return plain
+    return _coordinates(by_plain_names(columns, path), path, np.float64)
 
 
 def _coordinates(columns: Columns, path: Path, dtype: type[np.floating]) -> npt.NDArray:
@@ -165,18 +131,13 @@ def from_matrix(matrix: npt.NDArray, path: Path, names: Sequence[str] = UNNAMED)
 
 def time_column(columns: Columns) -> npt.NDArray | None:
     """Return the first column named as a time whose values differ, else None."""
-    plain = {_COUNTED.sub("", name): column for name, column in _numbers(columns).items()}
-    return next((times for name in _TIME if name in plain and _span(times := _subtractable(plain[name])) > 0), None)
+    plain = {uncounted(name): column for name, column in _numbers(columns).items()}
+    return next((times for name in TIME if name in plain and _span(times := _subtractable(plain[name])) > 0), None)
 
 
 def _subtractable(times: npt.NDArray) -> npt.NDArray:
     """Return `times` (N,) in a type that holds the difference of any two of them: int16 of either sign may not."""
     return times.astype(np.int64, copy=False) if times.dtype.kind == "i" else times
-
-
-def has_time_column(columns: Iterable[str]) -> bool:
-    """Return whether any column is named as a time, of use or not."""
-    return any(_COUNTED.sub("", _plain(key)) in _TIME for key in columns)
 
 
 def ring_column(columns: Columns) -> npt.NDArray[np.uint16] | None:
@@ -202,11 +163,8 @@ def find_time_unit(times: npt.NDArray) -> float:
 
 def _numbers(columns: Columns) -> Columns:
     """Return by plain names what is numbers: dates and texts, which tables hold beside points, are of no use."""
-    return {_plain(key): column for key, column in columns.items() if column.dtype.kind in "fiu"}
-
-
-def _plain(name: str) -> str:
-    return re.sub(r"[^\w]+", "_", _UNIT.sub("", name.lower())).strip("_").removeprefix("scalar_")  # CloudCompare's
+    numbers = {name: column for name, column in columns.items() if column.dtype.kind in "fiu"}
+    return dict(zip(plain_names(list(numbers)), numbers.values(), strict=True))
 
 
 def _first(columns: Columns, names: tuple[str, ...]) -> npt.NDArray | None:

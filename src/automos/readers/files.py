@@ -12,11 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
-from automos.core.reading import is_there
 from automos.readers.codecs import CODEC_OF_SUFFIX, suffix_codec
 from automos.readers.name_stamps import stamps_from_names
+from automos.readers.times_beside import NAMES
 
-_SIDE_FILES = {"times.txt", "timestamps.txt", "poses.txt", "calib.txt", "readme.txt", "requirements.txt"}
+_SIDE_FILES = {*NAMES, "poses.txt", "calib.txt", "readme.txt", "requirements.txt"}
 TEXT = {".txt", ".csv", ".zip"}  # which may be anything
 
 _LONGEST_HEADER = 1 << 14
@@ -163,12 +163,6 @@ def is_text(name: str) -> bool:
     except UnicodeEncodeError:
         return False
     return True
-
-
-def times_file(folder: Path) -> Path:
-    """Return where the scans' times are, there or not: `times.txt`, or without it `timestamps.txt`, as some call it."""
-    path, other = folder / "times.txt", folder / "timestamps.txt"
-    return other if is_there(other) and not is_there(path) else path
 
 
 def natural_key(name: str) -> tuple[list[str | int], str]:

@@ -19,7 +19,8 @@ from automos.core.upright_boxes import TrueBoxes
 from automos.readers import files
 from automos.readers.boxes_beside import boxes_beside, motion_beside
 from automos.readers.codecs import read_columns
-from automos.readers.columns import Columns, coordinates, has_time_column, sensor_column, time_column, to_scan
+from automos.readers.column_names import has_time
+from automos.readers.columns import Columns, coordinates, sensor_column, time_column, to_scan
 from automos.readers.formats import Format
 from automos.readers.layouts import LAYOUTS, is_columns, parse_columns
 from automos.readers.mounts import FILE as MOUNTS
@@ -28,7 +29,8 @@ from automos.readers.point_times import PointTimes, judge_times, sweep_starts
 from automos.readers.record_layout import find_columns
 from automos.readers.seen_order import put_in_seen_order
 from automos.readers.sensor_place import find_frame, frame_said, read_viewpoints
-from automos.readers.time_order import put_in_order, read_times, usual_step
+from automos.readers.time_order import put_in_order, usual_step
+from automos.readers.times_beside import read_times, times_file
 from automos.readers.units import unit_of
 
 logger = logging.getLogger(__name__)
@@ -63,7 +65,7 @@ class FolderSequence(Sequence):
         self._read = lru_cache(16)(self._read)  # type: ignore[method-assign]  # once, for all questions here
         self._mounts = read_mounts(self.source)
         times = self._read_times(stamps)
-        self._clock = "the files' names" if times is stamps else files.times_file(self.source).name
+        self._clock = "the files' names" if times is stamps else times_file(self.source, self._folder).name
         self._gap = usual_step(times)
         if stamps is None and self._point_times.is_absolute:
             times = sweep_starts(self._read, self.paths, self._point_times, times)
@@ -211,7 +213,7 @@ class FolderSequence(Sequence):
             return files.find_copies(self.paths, self._n_points)
 
     def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64] | None:
-        path = files.times_file(self.source)
+        path = times_file(self.source, self._folder)
         return read_times(path, self._names) if is_there(path) else stamps_from_names
 
     def _n_points(self, index: int) -> int:
@@ -229,7 +231,7 @@ class FolderSequence(Sequence):
     @cached_property
     def _point_times(self) -> PointTimes:
         """How the points' times are read; a scan of few points may not show it."""
-        if self.columns and not has_time_column(parse_columns(self.columns).names or ()):
+        if self.columns and not has_time(parse_columns(self.columns).names or ()):
             return PointTimes()
         columns = self._read(self._fullest)
         # Those of few points, as recordings may begin and end with, have no times.

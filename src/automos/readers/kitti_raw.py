@@ -32,7 +32,7 @@ from automos.readers.kitti_calibration import (
 from automos.readers.listed import require_increasing
 from automos.readers.records import read_table
 from automos.readers.stamped_poses import rigid_transforms, sensor_poses, truth_beside
-from automos.readers.time_order import read_times
+from automos.readers.times_beside import read_times
 
 _SCANS = ("velodyne_points/data", "ouster_points/data")
 """Of KITTI and KITTI-360, and of VBR's converter."""

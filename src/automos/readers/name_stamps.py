@@ -24,13 +24,15 @@ def stamps_from_names(names: Sequence[str]) -> npt.NDArray[np.float64] | None:
     """Return (N,) seconds if every name, without its suffix, holds a time at the same place, else None.
 
     Times are dates, seconds with decimals, seconds_nanoseconds, or whole seconds, milli-, micro- or nanoseconds since
-    1970; they must differ and lie apart as scans do. Anything else is a counter.
+    1970; they must differ and lie apart as scans do. So may nanoseconds of another clock that goes on evenly. Anything
+    else is a counter.
     """
     numbers = [_NUMBER.findall(name) for name in names]
     found = _clock_of([_of_date(name) for name in names])
     for place in range(1, min(map(len, numbers), default=0) + 1):  # from the end: some count on behind their times
         texts = [one[-place] for one in numbers]
         found = _clock_of(list(map(_of_number, texts)), _unpadded(texts)) if found is None else found
+        found = _clock_of(_since_start(texts)) if found is None else found
     return found
 
 
@@ -44,6 +46,13 @@ def _clock_of(*readings: Sequence[float | None]) -> npt.NDArray[np.float64] | No
         if step.min() > 0 and _PERIOD[0] <= np.median(step) <= _PERIOD[1]
     ]
     return known[min(likely)[1]] if likely else None
+
+
+def _since_start(texts: Sequence[str]) -> Sequence[float | None]:
+    """Return seconds where whole numbers may be nanoseconds of any clock, as they go on evenly; else nothing."""
+    counts = np.array([text if text.isdecimal() else "nan" for text in texts], np.float64)
+    steps = np.diff(np.sort(counts))
+    return [1e-9 * count for count in counts] if 2.0 * unevenness(steps) < len(steps) else []
 
 
 def _unpadded(texts: Sequence[str]) -> list[float | None]:

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from automos.readers.column_names import has_time
 from automos.readers.columns import (
     MAX_SWEEP,
     Columns,
     find_time_unit,
-    has_time_column,
     is_measured,
     ring_column,
     time_column,
@@ -56,7 +56,7 @@ def judge_times(scans: Sequence[Columns], where: Path, gap: float | None = None)
     """
     times = time_column(scans[0])
     if times is None:
-        if has_time_column(scans[0]) and len(scans[0].get("x", ())) > 1:
+        if has_time(scans[0]) and len(scans[0].get("x", ())) > 1:
             return PointTimes(warnings=(f"{where}: the points' times are all the same or NaN; they are not used.",))
         return PointTimes()
     unit = find_time_unit(times)

@@ -42,7 +42,7 @@ def find_columns(paths: Sequence[Path]) -> str:
     fitting = [size for size in divided if has_numbers(_rows(pool, size))]
     pooled = _code_length(_rows(pool, 1)) if len(_rows(pool, _SIZES[0])) >= ENOUGH else 0.0
     if pooled == 0.0:  # few, or the same everywhere
-        return _by_convention(pool, fitting, sizes, paths)
+        return _by_convention(fitting, sizes, paths)
     if not fitting:
         raise InputError(_unknown(paths, sizes, []))
     gain = {size: pooled - _code_length(_rows(pool, size)) for size in fitting}
@@ -62,15 +62,11 @@ def find_columns(paths: Sequence[Path]) -> str:
     return _required(found[0], sizes, paths)
 
 
-def _by_convention(pool: list[bytes], fitting: list[int], sizes: npt.NDArray[np.int64], paths: Sequence[Path]) -> str:
-    """Return KITTI's columns where they fit, else the only ones that do."""
-    whole = [size for size in fitting if not (sizes % size).any()]
-    if 2 * np.count_nonzero(sizes % 16 == 0) > len(sizes) and (16 in fitting or not whole):
-        return _required(LAYOUTS["bin"], sizes, paths)
-    found = [columns for size in whole if (columns := columns_of(_rows(pool, size))) is not None]
-    if len(found) != 1:
-        raise InputError(_unknown(paths, sizes, found))
-    return found[0]
+def _by_convention(fitting: list[int], sizes: npt.NDArray[np.int64], paths: Sequence[Path]) -> str:
+    """Return KITTI's columns where they fit, or nothing does; few records do not show others."""
+    if 2 * np.count_nonzero(sizes % 16 == 0) <= len(sizes) or (fitting and 16 not in fitting):
+        raise InputError(_unknown(paths, sizes, []))
+    return _required(LAYOUTS["bin"], sizes, paths)
 
 
 def _required(columns: str, sizes: npt.NDArray[np.int64], paths: Sequence[Path]) -> str:

@@ -17,6 +17,7 @@ from automos.core.arrays import evenly_spread
 from automos.core.errors import InputError
 from automos.core.geometry import Array, inverse, transform
 from automos.core.scan import MIN_RANGE, Pose
+from automos.readers.units import are_angles
 
 _LOOKS = 3
 """Scans that are looked at."""
@@ -24,8 +25,11 @@ _ASKED, _AMONG = 2000, 50_000
 """Points whose distance to the next is taken, among so many of the cloud, at random; half as many at least."""
 _NEXT = 2
 """Number of the neighbour whose distance counts: the first may be the same point once more."""
-_GAP = 0.25
-"""Correlation that another place must have more than the origin, and at least twice, to be where the sensor was."""
+_LEAST, _CLEARLY = 0.5, 1.6
+"""Correlation that another place must have to be where the sensor was, and how many times as much the origin leaves
+unexplained: in the sensor's own frame that is at most 1.4 times as much."""
+_OWN = 0.75
+"""Correlation from which a cloud is surely what one sensor saw."""
 _SAME = 0.05
 """Difference of correlations, or of bits, that says nothing."""
 _EDGE, _OUTSIDE = 1.2, 3.0
@@ -64,14 +68,18 @@ class Spacing:
 
         return float(np.corrcoef(rankdata(np.linalg.norm(self.points - place, axis=1)), self.rank)[0, 1])
 
+    def starts(self) -> list[Array]:
+        """Return places (3,) amid the densest points."""
+        dense = self.points[np.argsort(self.rank)[: len(self.rank) // 10]]
+        return [dense.mean(axis=0), np.median(dense, axis=0)]
+
     def find(self) -> Array:
         """Return (3,) the place among the points from which the correlation is best."""
         from scipy.optimize import minimize
 
-        dense = self.points[np.argsort(self.rank)[: len(self.rank) // 10]]
         around = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [0.0, 10.0, 0.0], [0.0, 0.0, 2.0]])
-        places = [dense.mean(axis=0), np.median(dense, axis=0)]
-        for start in tuple(places):
+        places = self.starts()
+        for start in self.starts():
             options = {"initial_simplex": start + around, "maxfev": 120, "xatol": 0.1, "fatol": 1e-3}
             places.append(minimize(lambda place: -self.fit(place), start, method="Nelder-Mead", options=options).x)
         return max((one for one in places if self.beyond(one) < _EDGE), key=self.fit)
@@ -100,11 +108,17 @@ def find_frame(
         The clouds are in the frame of a map, and nothing says where in it the sensor was.
     """
     far = np.argsort([-np.linalg.norm(T[:3, 3]) for T in claims[0]])[: max(n // 2, _LOOKS)] if claims else np.arange(n)
-    looks = evenly_spread(far.tolist(), _LOOKS)
+    looks, refused = evenly_spread(far.tolist(), _LOOKS), False
     spacings: dict[int, Spacing] = {}
     for index in looks:
         with suppress(InputError):  # reported when the scan itself is read
-            spacings[index] = Spacing(raw_points(index))
+            spacings[index] = Spacing(cloud := raw_points(index))
+            refused = refused or are_angles(cloud)
+    if refused:
+        raise InputError(
+            f"{where} holds ranges and angles, as it seems, where x, y and z are expected; write the coordinates "
+            "instead, in metres"
+        )
     spacings = {index: one for index, one in spacings.items() if one.is_enough}
     if not spacings:
         return claims[0] if is_trusted else None
@@ -121,7 +135,7 @@ def find_frame(
     for index, spacing in spacings.items():
         T = rivals[best]
         place = np.zeros(3) if T is None else T[index, :3, 3]
-        is_own = T is None and spacing.fit(place) > 1.0 - _GAP  # at rest, a sensor may see the very same once more
+        is_own = T is None and spacing.fit(place) > _OWN  # at rest, a sensor may see the very same once more
         if not is_own and _goes_on(spacing, raw_points(index), raw_points((index + 1) % n)):
             raise InputError(
                 f"{where} has clouds that hold the points of those before them, a map that grows (accumulated in a "
@@ -155,10 +169,10 @@ def _has_sharper_beams(spacings: dict[int, Spacing], T_file_sensor: Pose) -> boo
 def _require_sensor(spacing: Spacing, place: Array, where: Path, fault: str) -> None:
     """Raise where the sensor was clearly elsewhere than at `place` (3,)."""
     fit = spacing.fit(place) if spacing.beyond(place) < _OUTSIDE else 0.0
-    if fit > 1.0 - _GAP:
+    if fit >= max(map(spacing.fit, spacing.starts())):  # no need to search
         return
     found = spacing.find()
-    if spacing.fit(found) < max(2.0 * _GAP, fit + _GAP):
+    if spacing.fit(found) < max(_LEAST, 1.0 - (1.0 - fit) / _CLEARLY):
         return
     raise InputError(
         f"{where} has clouds in the frame of a map (world frame): their points are spread as if seen from about "

@@ -1,6 +1,6 @@
 """Scans that lie in one NumPy file: an array (S, N, 3 or more), or an archive with a numbered array for each."""
 
-import re
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -8,11 +8,10 @@ import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.readers.codecs import CODEC_OF_SUFFIX
+from automos.readers.column_names import is_time
 from automos.readers.files import TEXT, natural_key, point_files
 from automos.readers.formats import Format
 from automos.readers.zipped import ZippedSequence
-
-_TIMES = re.compile(r"t|(time_?)?(stamp|time)s?")
 
 
 def _scans_of(path: Path) -> tuple[list[npt.NDArray] | None, npt.NDArray | None]:
@@ -27,7 +26,7 @@ def _scans_of(path: Path) -> tuple[list[npt.NDArray] | None, npt.NDArray | None]
     else:
         found = stack_in(*clouds.values()) if len(clouds) == 1 else []
     sized = (name for name, array in arrays.items() if found and array.shape == (len(found),))
-    return found, next((arrays[name] for name in sized if _TIMES.fullmatch(name.lower())), None)
+    return found, next((arrays[name] for name in sized if is_time(name)), None)
 
 
 def find(path: Path) -> list[Path]:
@@ -53,7 +52,16 @@ def find(path: Path) -> list[Path]:
             f"{files[0]} holds an array whose rows may be scans or parts of one, as its points do not tell: save one "
             "scan as (N, 3 or more) in a folder, and of several a file each"
         )
-    return files if first and all(_scans_of(file)[0] for file in files[1:]) else []
+    shapes = {_shape_of(file) for file in files} - {None}
+    return files if first and len(shapes) <= 1 else []
+
+
+def _shape_of(path: Path) -> tuple[int, tuple[str, ...] | None] | None:
+    """Return the axes and fields of the array in a file, by its header; None of archives and of what is damaged."""
+    with suppress(OSError, ValueError, EOFError):  # reported when it is read
+        array = np.load(path, mmap_mode="r") if path.suffix.lower() == ".npy" else None
+        return None if array is None else (array.ndim, array.dtype.names)
+    return None
 
 
 class StackedSequence(ZippedSequence):
@@ -62,7 +70,9 @@ class StackedSequence(ZippedSequence):
     def _unpack(self, path: Path, place: Path) -> None:
         place.mkdir()
         scans, times = _scans_of(path)
-        for i, scan in enumerate(scans or ()):
+        if not scans:
+            raise InputError(f"{path} holds one scan, and others beside it hold several; keep one kind in a folder")
+        for i, scan in enumerate(scans):
             np.save(place / f"{i:06d}.npy", scan)
         if times is not None:
             (place / "times.txt").write_text("\n".join(map(str, times.tolist())))

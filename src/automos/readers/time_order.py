@@ -13,41 +13,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.errors import InputError
-from automos.core.pose_files import lines_of_scans
-from automos.core.reading import read_text
-from automos.core.scan import LATEST
-
 _HOLE = 60.0
 """Seconds, at most, after which a clock that began at 0 shows its next time."""
-_SLOWEST = 50.0, 5.0
-"""Seconds between scans from which whole numbers are none of seconds, and at most, of a smaller unit."""
 _ONE_TIME = 1e-9
 """Seconds, below the resolution of any clock: times that differ by less are equal."""
-
-
-def read_times(path: Path, names: Sequence[str]) -> npt.NDArray[np.float64]:
-    """Return (N,) the seconds that the file at `path` holds of scans called `names`, one a line.
-
-    They may be dates, or whole numbers of milli-, micro- or nanoseconds.
-
-    Raises
-    ------
-    InputError
-        It holds something else, or other numbers of them than the scans' names pick.
-    """
-    try:
-        lines = [line.strip() for line in read_text(path).splitlines() if line.strip()]
-        times = np.array([seconds_of(line) if ":" in line else float(line) for line in lines])
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path} must hold one time in seconds a line, or a date: {error}") from None
-    step = usual_step(times) or 0.0
-    if step > _SLOWEST[0] and np.array_equal(times, np.floor(times)):
-        times = times * next((unit for unit in (1e-3, 1e-6) if unit * step <= _SLOWEST[1]), 1e-9)
-    is_time = np.abs(times) < LATEST
-    if not is_time.all():
-        raise InputError(f"{path}, line {int(np.argmin(is_time)) + 1}: the time is not a number of seconds")
-    return times[lines_of_scans(len(times), len(names), names, path, "times")]
 
 
 def seconds_of(date: str) -> float:

@@ -3,7 +3,13 @@
 What a LiDAR sees lies between a step and a few hundred metres around it, some of it near. Ranges of thousands that
 begin near the origin are not metres; the unit under which they are those of a LiDAR is taken instead, with a warning.
 Coordinates of a map are in metres: they are far away from its origin, all of them, or as dense there as anywhere.
+
+Ranges and angles are no coordinates. What is seen in nearly one direction is mostly one thing, of one range: numbers
+of which one goes through a whole turn, and which have that property about as much where they are read as range, azimuth
+and elevation, in some order, are these.
 """
+
+from itertools import permutations, product
 
 import numpy as np
 import numpy.typing as npt
@@ -18,8 +24,13 @@ USUAL = 50.0
 """Metres within which a LiDAR outdoors sees all but one in twenty of its points."""
 NEAREST = 30.0
 """Metres within which every LiDAR sees at least one in twenty."""
-
-
+_ASKED, _AMONG = 2000, 20_000
+"""Points whose range is compared, with one among so many."""
+_NEARLY = 0.05
+"""Share of a turn by which measured azimuths may miss it or go beyond."""
+_AS_SMOOTH = 2.0
+"""Times the spread of ranges in one direction: angles have at most 1.8 times of what they have read as coordinates, and
+coordinates at least 2.5 times of it read as angles."""
 CROWDED = 0.6
 """Of the range that all but one in twenty points are within, where a sensor has half of them: it sees most nearby."""
 MIN_POINTS = 100
@@ -44,6 +55,35 @@ def unit_of(cloud: npt.NDArray[np.floating]) -> tuple[float, list[str]]:
     if unit * far > FARTHEST or unit * near > NEAREST or middle > CROWDED * far:
         return 1.0, []
     return unit, [f"coordinates reach {far:,.0f} from the sensor, which are not metres; they are taken for {name}."]
+
+
+def are_angles(cloud: npt.NDArray[np.floating]) -> bool:
+    """Return whether the columns of a scan, `cloud` (N, 3), are a range and two angles of a turning sensor."""
+    known = cloud[np.isfinite(cloud).all(axis=1) & cloud.any(axis=1)].astype(np.float64)
+    known = known[np.random.default_rng(0).permutation(len(known))[:_AMONG]]
+    spread: float | None = None
+    for order, turn in product(permutations(range(3)), (np.pi, 180.0)):
+        away, around, up = known[:, order].T
+        is_turn = len(known) >= MIN_POINTS and abs(np.ptp(around) / (2.0 * turn) - 1.0) < _NEARLY
+        if not is_turn or away.min() < 0.0 or np.abs(up).max() > 0.5 * turn:
+            continue
+        around, up = around * np.pi / turn, up * np.pi / turn
+        level = away * np.cos(up)
+        polar = np.column_stack([level * np.cos(around), level * np.sin(around), away * np.sin(up)])
+        spread = _spread_of_ranges(known) if spread is None else spread
+        if _spread_of_ranges(polar) < _AS_SMOOTH * spread:
+            return True
+    return False
+
+
+def _spread_of_ranges(cloud: npt.NDArray[np.float64]) -> float:
+    """Return by what share, on the mean, the range of one of (N, 3) points differs from that in the next direction."""
+    from scipy.spatial import KDTree
+
+    away = np.linalg.norm(cloud, axis=1)
+    rays, away = cloud[away > 0.0] / away[away > 0.0, None], np.log(away[away > 0.0])
+    beside = KDTree(rays).query(rays[:_ASKED], k=2)[1][:, 1]
+    return float(np.minimum(np.abs(away[:_ASKED] - away[beside]), 0.5).mean())
 
 
 def _ranges(cloud: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:

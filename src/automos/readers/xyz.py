@@ -15,7 +15,8 @@ import numpy as np
 
 from automos.core.errors import InputError
 from automos.core.reading import read_bytes
-from automos.readers.columns import UNNAMED, Columns, from_matrix, plain_names
+from automos.readers.column_names import plain_names
+from automos.readers.columns import UNNAMED, Columns, from_matrix
 from automos.readers.layouts import parse_columns
 from automos.readers.record_columns import ENOUGH
 from automos.readers.text import parse_table

@@ -15,7 +15,8 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 from automos.core.atomic import atomic_path
 from automos.core.errors import InputError
 from automos.core.geometry import FARTHEST, inverse
-from automos.core.reading import checked, read_json
+from automos.core.json_members import each_member
+from automos.core.reading import checked, read_text
 from automos.objects.kinds import Kind, kind_probabilities
 from automos.objects.tracks import Tracks
 from automos.objects.verdict import Verdict, Verdicts
@@ -70,34 +71,44 @@ _TRACKS, _TRACK = TypeAdapter(_Tracks), TypeAdapter(_Track)
 
 
 def read_tracks(path: Path, n_scans: int) -> dict[str, Any]:
-    """Return what a tracks.json of `n_scans` scans holds.
+    """Return what a tracks.json of `n_scans` scans holds; errors are those of `each_track`."""
+    document: dict[str, Any] = {}
+    tracks = list(each_track(path, n_scans, document))
+    return {**document, "tracks": tracks}
+
+
+def each_track(path: Path, n_scans: int, beside: dict[str, Any] | None = None) -> Iterator[dict[str, Any]]:
+    """Yield the tracks of a tracks.json of `n_scans` scans; what it says beside is put into `beside`.
 
     Raises
     ------
     InputError
         It is absent, damaged, or of more scans.
     """
+    document, ids = {} if beside is None else beside, set()
     try:
-        document: dict[str, Any] = read_json(path)
+        for name, value in each_member(read_text(path), "tracks"):
+            if name is not None:
+                document[name] = value
+                continue
+            checked(_TRACK, value)
+            scans = [box["scan"] for box in value["boxes"]]
+            if value["id"] in ids:
+                raise ValueError("two tracks have one id")
+            if max(scans) >= n_scans:
+                raise ValueError(f"it has boxes of more than {n_scans} scans")
+            if len(set(scans)) < len(scans):
+                raise ValueError("a track has two boxes in a scan")
+            ids.add(value["id"])
+            yield value
         checked(_TRACKS, document)
-        for track in document["tracks"]:  # one by one, as a check holds a copy of what it checks
-            checked(_TRACK, track)
         T = np.array(document["T_world_level"])
         if np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() > 1e-3 or not np.array_equal(T[3], [0.0, 0.0, 0.0, 1.0]):
             raise ValueError("T_world_level is not a rigid transform")
-        ids = [track["id"] for track in document["tracks"]]
-        if len(set(ids)) < len(ids):
-            raise ValueError("two tracks have one id")
-        scans = [[box["scan"] for box in track["boxes"]] for track in document["tracks"]]
-        if any(max(of_track) >= n_scans for of_track in scans):
-            raise ValueError(f"it has boxes of more than {n_scans} scans")
-        if any(len(set(of_track)) < len(of_track) for of_track in scans):
-            raise ValueError("a track has two boxes in a scan")
     except FileNotFoundError:
         raise InputError(f"{path} is missing; give the results folder of a run, or label again") from None
     except (OSError, ValueError) as error:
         raise InputError(f"{path} is damaged ({error}); label again to have it written anew") from None
-    return document
 
 
 def write_tracks(path: Path, trajectory: Trajectory, names: list[str], entries: Iterable[dict[str, Any]]) -> None:

@@ -20,6 +20,7 @@ from automos.core.claims import SIMULATION
 from automos.core.own_folder import own_folder
 from automos.core.parallel import map_in_order
 from automos.core.pose_writers import write_kitti
+from automos.readers.formats import import_extra
 from automos.simulation.bag import write_bag
 from automos.simulation.sequence import FORMAT, SimulatedSequence
 
@@ -47,6 +48,8 @@ def write(
     InputError
         `out` exists and is not a simulated sequence, or another one, or cannot be written.
     """
+    if bag:
+        import_extra("rosbags", "ros")
     out = Path(out)
     description = _description(sequence)
     with own_folder(out, SIMULATION, MARKER, description):

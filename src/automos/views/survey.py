@@ -36,14 +36,16 @@ def survey(run: RunFiles) -> dict[str, Any]:
         Label files or poses that are missing or damaged.
     """
     about = Workspace(run.folder).read_run()
-    tracks, n = run.tracks_file["tracks"], len(run)
+    n = len(run)
     T_level_sensor = np.array([run.T_level_sensor(i) for i in range(n)])
     path = T_level_sensor[:, :3, 3]
-    ground, pictures = GroundMap(path), Thumbnails(_most_telling(tracks))
-    rows, boxes = [track_row(track) for track in sorted(tracks, key=doubt)], _packed_boxes(tracks, n)
-    points, sure = np.zeros((n, len(_CLASSES)), np.int64), _Sureness(run.tracks)
-    del tracks, run.tracks_file  # all boxes of a long drive, as JSON has them, are no burden of the walk
-    truth = _Truth(n)
+    told = [(doubt(track), track_row(track), _moving_boxes(track)) for track in run.each_track()]
+    boxes = _packed_boxes(np.concatenate([np.zeros((0, 7), np.float32), *(of_track for _, _, of_track in told)]), n)
+    rows = [row for _, row, _ in sorted(told, key=lambda one: one[0])]
+    del told
+    drawn = {row["id"] for row in sorted(rows, key=lambda row: row["verdict"] == "static")[:MAX_THUMBNAILS]}
+    ground, pictures = GroundMap(path), Thumbnails(track for track in run.each_track() if track["id"] in drawn)
+    points, sure, truth = np.zeros((n, len(_CLASSES)), np.int64), _Sureness(rows), _Truth(n)
     for i in run.each("report"):
         scan = run.scan(i)
         packed = run.packed(i, len(scan))
@@ -88,11 +90,6 @@ def doubt(track: dict[str, Any]) -> tuple[float, int]:
     return track["confidence"], -len(track["boxes"])
 
 
-def _most_telling(tracks: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    order = sorted(tracks, key=lambda track: (track["verdict"] == "static", *doubt(track)))
-    return order[:MAX_THUMBNAILS]
-
-
 def track_row(track: dict[str, Any]) -> dict[str, Any]:
     """Return the table row of a track of tracks.json."""
     seen = [box for box in track["boxes"] if box["observed"]] or track["boxes"]
@@ -113,17 +110,15 @@ def track_row(track: dict[str, Any]) -> dict[str, Any]:
     return {**row, "reviewed": True} if "found" in track else row
 
 
-def _packed_boxes(tracks: list[dict[str, Any]], n_scans: int) -> dict[str, Any]:
-    """Return the boxes of what moves: float32 scan, track, x, y, length, width, yaw a box, by scan (base64)."""
-    rows = np.array(
-        [
-            (box["scan"], track["id"], *box["center"][:2], *box["size"][:2], box["yaw"])
-            for track in tracks
-            if track["verdict"] == "moving"
-            for box in track["boxes"]
-        ],
-        np.float32,
-    ).reshape(-1, 7)
+def _moving_boxes(track: dict[str, Any]) -> npt.NDArray[np.float32]:
+    """Return (K, 7) float32 scan, track, x, y, length, width, yaw of each box, of a track that moves."""
+    boxes = track["boxes"] if track["verdict"] == "moving" else []
+    rows = [(box["scan"], track["id"], *box["center"][:2], *box["size"][:2], box["yaw"]) for box in boxes]
+    return np.array(rows, np.float32).reshape(-1, 7)
+
+
+def _packed_boxes(rows: npt.NDArray[np.float32], n_scans: int) -> dict[str, Any]:
+    """Return the rows (K, 7) of `_moving_boxes` by scan, as base64; too many are thinned out by scans."""
     step = 1 + len(rows) // MAX_BOXES
     rows = rows[rows[:, 0].astype(int) % step == 0]
     rows = rows[np.lexsort((rows[:, 1], rows[:, 0]))]
@@ -147,8 +142,8 @@ def _settings_text(run: RunFiles) -> str:
 class _Sureness:
     """How many of the moving points are right, by the confidence of the objects that they are on."""
 
-    def __init__(self, tracks: dict[int, tuple[str, float]]):
-        self._sure = {track: confidence for track, (_, confidence) in tracks.items()}
+    def __init__(self, rows: list[dict[str, Any]]):
+        self._sure = {row["id"]: row["confidence"] for row in rows}
         self._points, self._right = 0, 0.0
 
     def add(self, labels: npt.NDArray, owners: npt.NDArray | None) -> None:

@@ -6,6 +6,7 @@ again, and something that drives draws a row of them: whether a track moved can 
 
 import base64
 from collections import defaultdict
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -38,7 +39,7 @@ class _Picture:
 class Thumbnails:
     """Collects the points of tracks in one pass over the scans."""
 
-    def __init__(self, tracks: list[dict[str, Any]]):
+    def __init__(self, tracks: Iterable[dict[str, Any]]):
         """Take tracks as tracks.json has them, those to be drawn."""
         self._pictures: dict[int, _Picture] = {}
         self._wanted: dict[int, list[tuple[int, int, bool, Boxes]]] = defaultdict(list)

@@ -117,6 +117,7 @@ def _require_points(export: Export, format: str) -> None:
 def _claim(place: Path, export: Export, sequence: ScanSequence) -> None:
     from automos.results.claiming import refuse_folder_of
 
+    export.require()
     refuse_folder_of(sequence, place.parent if export.suffix else place)
     if export.suffix:
         claim_file(place, export.sign)

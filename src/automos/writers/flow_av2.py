@@ -32,4 +32,9 @@ def write(run: RunFiles, out: Path) -> None:
             feather.write_feather(table, temporary)
 
 
-EXPORT = Export(writes="scene flow: LOG/TIMESTAMP.feather, as Argoverse 2 scores it", write=write, needs="arrow")
+EXPORT = Export(
+    writes="scene flow: LOG/TIMESTAMP.feather, as Argoverse 2 scores it",
+    write=write,
+    needs="arrow",
+    modules=("pyarrow",),
+)

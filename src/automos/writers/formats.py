@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from automos.core.claims import SIGN
+from automos.readers.formats import import_extra
 from automos.results.run_files import RunFiles
 
 
@@ -17,6 +18,7 @@ class Export:
     writes : what it makes, in one line.
     write : takes a run and the folder (or file) to write; what is there already is replaced.
     needs : the extra to install, None where the core suffices.
+    modules : what it imports of that extra; looked for before anything is made.
     suffix : of the one file it writes; empty where it writes a folder.
     sign : what that file has in it, by which it is known to be ours.
     is_of_points : whether it holds the recording's points as they are, so that they can be asked for deskewed.
@@ -28,8 +30,14 @@ class Export:
     writes: str
     write: Callable[[RunFiles, Path], None]
     needs: str | None = None
+    modules: tuple[str, ...] = ()
     suffix: str = ""
     sign: bytes = SIGN
     is_of_points: bool = False
     per_scan: tuple[str, ...] = ()
     name_of: Callable[[str], str] = str
+
+    def require(self) -> None:
+        """Raise MissingExtraError where what it imports is not installed."""
+        for module in self.modules:
+            import_extra(module, str(self.needs))

@@ -23,7 +23,6 @@ REACH = (2**31 - 1) * STEP
 def laz_packer(run: RunFiles) -> Callable[[int], bytes]:
     """Return what packs the scans of `run`: all in one unit of intensity."""
     laspy = import_extra("laspy", "las")
-    import_extra("lazrs", "las")
     scale = _intensity_scale(run)
 
     def packed(index: int) -> bytes:

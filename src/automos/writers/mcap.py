@@ -55,6 +55,7 @@ EXPORT = Export(
     write=write,
     is_of_points=True,
     needs="ros",
+    modules=("rosbags",),
     suffix=".mcap",
     sign=TOPIC.encode(),
 )

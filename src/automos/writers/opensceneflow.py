@@ -70,4 +70,9 @@ def _group(run: RunFiles, index: int) -> dict[str, np.ndarray]:
     return {name: values[scan.is_valid] for name, values in group.items()} | of_scan
 
 
-EXPORT = Export(writes="scene flow: RECORDING.h5, index_*.pkl, as OpenSceneFlow loads it", write=write, needs="flow")
+EXPORT = Export(
+    writes="scene flow: RECORDING.h5, index_*.pkl, as OpenSceneFlow loads it",
+    write=write,
+    needs="flow",
+    modules=("h5py",),
+)

@@ -42,5 +42,6 @@ EXPORT = Export(
     write=write,
     is_of_points=True,
     needs="arrow",
+    modules=("pyarrow",),
     suffix=".parquet",
 )

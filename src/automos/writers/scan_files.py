@@ -3,6 +3,7 @@
 import io
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,14 +21,14 @@ Packer = Callable[[RunFiles], Callable[[int], bytes]]
 """Takes a run and returns what packs its scans, by their numbers."""
 
 
-def _export(suffix: str, holds: str, packer: Packer, is_of_points: bool = False, needs: str | None = None) -> Export:
+def _export(suffix: str, holds: str, packer: Packer, is_of_points: bool = False, **needs: Any) -> Export:
     def write(run: RunFiles, out: Path) -> None:
         packed = packer(run)
         out.mkdir(parents=True, exist_ok=True)
         for index in run.each(f"writing {suffix}"):
             write_bytes(out / f"{run.names[index]}{suffix}", packed(index))
 
-    return Export(f"folder of {suffix}: {holds}", write, needs, is_of_points=is_of_points, per_scan=(f"*{suffix}",))
+    return Export(f"folder of {suffix}: {holds}", write, is_of_points=is_of_points, per_scan=(f"*{suffix}",), **needs)
 
 
 def _of_columns(content: Callable[[Columns], bytes]) -> Packer:
@@ -57,11 +58,12 @@ def _instances(run: RunFiles) -> Callable[[int], bytes]:
     return packed
 
 
+_LAS = {"needs": "las", "modules": ("laspy", "lazrs")}
 _COLUMNS = "x y z intensity time ring label instance"
 SCAN_FILES = {
     "panoptic": _export(".label", "class below, track id in the upper 16 bits", _panoptic),
     "instances": _export(".npy", "track id of every point, 0 for none", _instances),
     "pcd": _export(".pcd", _COLUMNS, _of_columns(pcd_bytes), is_of_points=True),
     "ply": _export(".ply", _COLUMNS, _of_columns(_ply_bytes), is_of_points=True),
-    "laz": _export(".laz", "classification, gps_time, extra dimensions", laz_packer, is_of_points=True, needs="las"),
+    "laz": _export(".laz", "classification, gps_time, extra dimensions", laz_packer, is_of_points=True, **_LAS),
 }

@@ -106,10 +106,10 @@ def test_the_sensors_own_table_of_angles_is_obeyed_and_another_refused(tmp_path)
         open_sequence(path)
 
 
-def at128_drive(path, n_frames=4, size=1118):
+def at128_drive(path, n_frames=4, size=1118, sense=1):
     """Write a capture and its correction file; return azimuths (n,) in degrees, ranges (n, 128), seconds (n,), angles.
 
-    The azimuth runs on by 0.05 degrees a block, but blocks are sent only where a mirror looks ahead.
+    The azimuth runs on by 0.05 degrees a block, or back if `sense` is -1; blocks are sent where a mirror looks ahead.
     """
     rng = np.random.default_rng(5)
     starts = np.array([23.0703125, 143.4375, 263.125])
@@ -118,10 +118,10 @@ def at128_drive(path, n_frames=4, size=1118):
     bent = rng.integers(-40, 40, (2, 128, 180))
     raw = made.correction((25600 * starts / 2).astype(int).tolist(), azimuth, elevation, bent, unit=2)
     path.with_suffix(".dat").write_bytes(raw)
-    turned = 150.0 + 0.05 * np.arange(2400 * (n_frames + 1))
+    turned = 150.0 + sense * 0.05 * np.arange(2400 * (n_frames + 1))
     since = np.min([(turned - start) % 360 for start in starts], axis=0)
     is_sent = (since > 15) & (since < 75)
-    turned, seconds = turned[is_sent], (turned[is_sent] - 150.0) / 1200.0
+    turned, seconds = turned[is_sent], np.abs(turned[is_sent] - 150.0) / 1200.0
     ticks = np.round(25600 * (turned % 360)).astype(int)
     ranges = rng.integers(0, 40_000, (len(ticks), 128))
     packets = [
@@ -132,9 +132,10 @@ def at128_drive(path, n_frames=4, size=1118):
     return ticks / 25600, ranges, seconds, (starts, azimuth * 2 / 25600, elevation * 2 / 25600, 0.02 * bent)
 
 
-@pytest.mark.parametrize("size", [1078, 1118])
-def test_the_points_of_an_at128_lie_where_its_mirrors_send_the_beams(tmp_path, size):
-    azimuth, ranges, seconds, (starts, offset, elevation, bent) = at128_drive(tmp_path / "drive.pcap", size=size)
+@pytest.mark.parametrize(("size", "sense"), [(1078, 1), (1118, 1), (1118, -1)])
+def test_the_points_of_an_at128_lie_where_its_mirrors_send_the_beams(tmp_path, size, sense):
+    path = tmp_path / "drive.pcap"
+    azimuth, ranges, seconds, (starts, offset, elevation, bent) = at128_drive(path, size=size, sense=sense)
     sequence = open_sequence(tmp_path / "drive.pcap")
     assert sequence.warnings == []
     assert sequence.about == {"files": "of a Hesai AT128"}

@@ -74,12 +74,14 @@ class SweepCutter:
     def __init__(self, layout: Layout) -> None:
         self._layout = layout
         self._last: Datagrams | None = None
-        self._seconds = 0.0
+        self._seconds, self._sense = 0.0, 0
         self._turn = np.array([0.0, 0.0, -np.inf])
 
     def cut(self, packets: Datagrams) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64]]:
         """Return of the sensor's next packets, at least one, which begin a sweep (N,), and their stamps (N,)."""
         turned = self._layout.turned(packets)
+        self._sense = self._sense or sense_of(turned)
+        turned = turned * (self._sense or 1)
         known = packets if self._last is None else join([self._last, packets])
         if self._last is None:
             self._seconds = float(packets.seconds[0])
@@ -90,6 +92,12 @@ class SweepCutter:
         _mark_first(turned, seconds, self._turn, is_first)
         self._last, self._seconds = packets[np.array([-1])], float(seconds[-1])
         return is_first, seconds
+
+
+def sense_of(turned: npt.NDArray) -> int:
+    """Return 1 where a sensor turns on from (N,) to the next, in 1/36000 of a turn, -1 where back, 0 where it rests."""
+    steps = (np.diff(turned.astype(np.float64)) + 18000.0) % 36000.0 - 18000.0
+    return int(np.sign(np.median(steps[steps != 0.0]))) if steps.any() else 0
 
 
 @kernel

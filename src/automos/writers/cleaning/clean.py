@@ -72,6 +72,7 @@ def clean(run: RunFiles, out: Path, kind: str | None = None, choice: Choice = Ch
 def _export_of(kind: str) -> Export:
     if kind not in KINDS:
         raise InputError(f"--as {kind}: there is no such; there are {', '.join(KINDS)}, and bag of a bag")
+    KINDS[kind].require()
     return KINDS[kind]
 
 

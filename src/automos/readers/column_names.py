@@ -1,0 +1,80 @@
+"""What columns of points are called, whatever wrote them: plain names, and the units that come with them."""
+
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy.typing as npt
+
+from automos.core.errors import InputError
+
+TIME = (
+    "t", "time", "times", "timestamp", "timestamps", "time_stamp", "stamp", "stamps", "offset_time", "time_offset",
+    "offset", "raw_timestamp", "point_time", "gps_time", "gpstime", "adjustedtime",
+)  # fmt: skip
+_COUNTED = re.compile(r"_(n|u|m)?s(ec)?$")
+_AROUND_AXES = re.compile(r"points?|pos(ition)?|coord(s|inates?)?|xyz|lidar|[ckm]?m")
+_METRES = {"km": 1000.0, "cm": 0.01, "mm": 0.001}
+_METRIC = re.compile(r"(?:[(\[{]\s*|_)([ckm]m)(?:\s*[)\]}]|_|$)")
+"""How many metres are in what a name says behind it: x [mm], x_mm."""
+_NOT_METRIC = re.compile(r"[(\[{]\s*(us[- ]?)?(ft|feet|foot|in|inch|inches|yd|yards?)\s*[)\]}]\s*$")
+_UNIT = re.compile(r"[(\[{][^()\[\]{}]*[)\]}]\s*$")
+"""What stands behind a name in brackets, as `_COUNTED` behind that of a time."""
+
+
+def by_plain_names(columns: dict[str, npt.NDArray], path: Path) -> dict[str, npt.NDArray]:
+    """Return `columns` by their plain names, coordinates in metres.
+
+    Raises
+    ------
+    InputError
+        Coordinates are in another unit, or there twice.
+    """
+    plain = plain_names(list(columns))
+    axes = [key for key, name in zip(columns, plain, strict=True) if name in ("x", "y", "z")]
+    if other := list(filter(_NOT_METRIC.search, axes)):
+        raise InputError(f"{path} has coordinates in another unit than metres ({other[0]}); export it again in metres")
+    twice = next((axis for axis in "xyz" if plain.count(axis) > 1), None)
+    if twice is not None:
+        both = ", ".join(key for key, name in zip(columns, plain, strict=True) if name == twice)
+        raise InputError(f"{path} has {twice} twice ({both}); export it again with the one that is meant")
+    units = {key: _METRES[unit[1]] for key in axes if (unit := _METRIC.search(key.lower()))}
+    in_metres = (column * units[key] if key in units else column for key, column in columns.items())
+    return dict(zip(plain, in_metres, strict=True))
+
+
+def plain_names(names: Sequence[str]) -> list[str]:
+    """Return what columns are called, without case, blanks, units and words around an axis: `Points_m_XYZ:0` is x.
+
+    What stands before all three axes alike is left out before the others, too.
+    """
+    plain = [_plain(name) for name in names]
+    before = {name[:-1] for name in plain if {name[:-1] + axis for axis in "xyz"} <= {*plain}}
+    if len(before) == 1:
+        plain = [name.removeprefix(*before) or name for name in plain]
+    for i, name in enumerate(plain):
+        words = [word for word in name.split("_") if word]
+        left = [word for word in words if not _AROUND_AXES.fullmatch(word)]
+        axis = "xyz"["012".index(left[0])] if left in (["0"], ["1"], ["2"]) and left != words else "".join(left)
+        if axis in ("x", "y", "z") and axis not in plain:  # one that is called so alone comes first
+            plain[i] = axis
+    return plain
+
+
+def is_time(name: str) -> bool:
+    """Return whether a column of this name is one of times."""
+    return uncounted(_plain(name)) in TIME
+
+
+def has_time(names: Iterable[str]) -> bool:
+    """Return whether any column is named as a time."""
+    return any(map(is_time, plain_names(list(names))))
+
+
+def uncounted(name: str) -> str:
+    """Return the plain name of a time without its unit."""
+    return _COUNTED.sub("", name)
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^\w]+", "_", _UNIT.sub("", name.lower())).strip("_").removeprefix("scalar_")  # CloudCompare's

@@ -1,0 +1,107 @@
+"""The times of scans in a table beside them: `times.txt`, `timestamps.csv`, one a line, with whatever stands beside."""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.errors import InputError
+from automos.core.pose_files import lines_of_scans
+from automos.core.reading import is_there, read_text
+from automos.core.scan import LATEST
+from automos.readers.column_names import is_time
+from automos.readers.time_order import seconds_of, usual_step
+
+NAMES = [f"{stem}.{suffix}" for suffix in ("txt", "csv") for stem in ("times", "timestamps", "time", "timestamp")]
+"""What the file may be called, the first that is there before others."""
+_SLOWEST = 50.0, 5.0
+"""Seconds between scans from which whole numbers are none of seconds, and at most, of a smaller unit."""
+_DAY = re.compile(r"(\d{4}-\d\d-\d\d)[ T]+(?=\d\d:)")
+_SECONDS, _NANOSECONDS = re.compile(r"(.*[._])?s(ec(ond)?s?)?"), re.compile(r"(.*[._])?n(ano)?s(ec(ond)?s?)?")
+
+
+def times_file(*folders: Path) -> Path:
+    """Return where the scans' times are, in the first of some folders that has any; there or not."""
+    places = [folder / name for folder in folders for name in NAMES]
+    return next(filter(is_there, places), places[0])
+
+
+def read_times(path: Path, names: Sequence[str]) -> npt.NDArray[np.float64]:
+    """Return (N,) the seconds that the file at `path` holds of scans called `names`, a line each.
+
+    They may be dates, or whole numbers of milli-, micro- or nanoseconds, in a column that is called as times are, the
+    only one of numbers, or the first that goes on otherwise than by one. Another may name the scans.
+
+    Raises
+    ------
+    InputError
+        It holds something else, or other numbers of them than the scans' names pick.
+    """
+    try:
+        head, rows = _table(read_text(path))
+        times = _times_in(head, list(zip(*rows, strict=True)))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} must hold one time in seconds a line, or a date: {error}") from None
+    step = usual_step(times) or 0.0
+    if step > _SLOWEST[0] and np.array_equal(times, np.floor(times)):
+        times = times * next((unit for unit in (1e-3, 1e-6) if unit * step <= _SLOWEST[1]), 1e-9)
+    is_known = np.abs(times) < LATEST
+    if not is_known.all():
+        raise InputError(f"{path}, line {int(np.argmin(is_known)) + 1}: the time is not a number of seconds")
+    keys = [_key(name) for name in names]
+    for column in zip(*rows, strict=True) if rows and len(rows[0]) > 1 else ():
+        line_of = {_key(cell): line for line, cell in enumerate(column)}
+        if len(line_of) == len(rows) and line_of.keys() >= set(keys):
+            return times[[line_of[key] for key in keys]]
+    return times[lines_of_scans(len(times), len(names), names, path, "times")]
+
+
+def _table(text: str) -> tuple[list[str], list[list[str]]]:
+    """Return the names of the columns, none where the first line has numbers, and the cells of the other lines."""
+    lines = [_DAY.sub(r"\1T", line.strip()) for line in text.splitlines() if line.strip() and line.strip()[0] != "#"]
+    if any(";" in line for line in lines):
+        lines = [line.replace(",", ".") for line in lines]
+    divider = next((mark for mark in ";,\t" if lines and mark in lines[0]), None)
+    rows = [[cell.strip(' "') for cell in line.split(divider)] for line in lines]
+    has_names = bool(rows) and all(_seconds(cell) is None for cell in rows[0])
+    head = [name.lower() for name in rows[0]] if has_names else []
+    rows = rows[int(has_names) :]
+    if (ragged := next((row for row in rows if len(row) != len(rows[0])), None)) is not None:
+        raise ValueError(f"{' '.join(ragged)!r} has another number of columns than the lines before")
+    return head, rows
+
+
+def _times_in(head: Sequence[str], columns: Sequence[Sequence[str]]) -> npt.NDArray[np.float64]:
+    """Return (L,) the times among `columns`, as they are counted there."""
+    known = {
+        i: np.array(told, np.float64)
+        for i, one in enumerate(columns)
+        if None not in (told := [_seconds(cell) for cell in one])
+    }
+    whole = next((i for i in known if head and _SECONDS.fullmatch(head[i])), None)
+    parts = next((i for i in known if head and _NANOSECONDS.fullmatch(head[i])), None)
+    if whole is not None and parts is not None:
+        return known[whole] + 1e-9 * known[parts]
+    clocks = [
+        i for i, times in known.items() if (steps := np.diff(times)).min(initial=1.0) > 0.0 and (steps != 1.0).any()
+    ]
+    left = [i for i in known if head and is_time(head[i])] or [*known][: len(known) == 1] or clocks
+    if not left:
+        stray = next((cell for one in columns for cell in one if _seconds(cell) is None), "several columns")
+        raise ValueError(f"it holds {stray!r}")
+    return known[left[0]]
+
+
+def _seconds(cell: str) -> float | None:
+    try:
+        return seconds_of(cell) if ":" in cell else float(cell)
+    except ValueError:
+        return None
+
+
+def _key(name: str) -> str | int:
+    """Return what a cell and a scan's name have in common: a file's name without folder and suffix, or its number."""
+    stem = Path(name).name.partition(".")[0]
+    return int(stem) if stem.isdecimal() else stem

@@ -1,0 +1,39 @@
+"""What columns of points are called, and the units in their names."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from automos.core.errors import InputError
+from automos.readers.column_names import by_plain_names, plain_names
+from automos.readers.columns import to_scan
+
+
+@pytest.mark.parametrize("spelled", ["x [{}]", "X({})", "x_{}", "Points_{}_XYZ:0", "pos_x ({})"])
+@pytest.mark.parametrize(("unit", "metres"), [("m", 1.0), ("cm", 0.01), ("mm", 0.001), ("km", 1000.0)])
+def test_a_unit_in_the_name_of_a_coordinate_is_obeyed_however_near_the_points_are(spelled, unit, metres):
+    name = spelled.format(unit)
+    others = [
+        name.replace(":0", f":{k}").replace("x", axis).replace("X(", f"{axis}(") for k, axis in ((1, "y"), (2, "z"))
+    ]
+    counts = np.array([100, 200, 300])
+    found = by_plain_names(dict.fromkeys((name, *others), counts), Path("a.csv"))
+    assert sorted(found) == ["x", "y", "z"]
+    for axis in "xyz":
+        np.testing.assert_allclose(found[axis], metres * counts)
+
+
+def test_what_stands_before_all_axes_is_left_out_before_the_others():
+    assert plain_names(["lidar_x", "lidar_y", "lidar_z", "lidar_ring", "pose"]) == ["x", "y", "z", "ring", "pose"]
+    assert plain_names(["x", "y", "z", "nx", "ny", "nz"]) == ["x", "y", "z", "nx", "ny", "nz"]
+    columns = {f"velo_{name}": np.arange(4.0) for name in ("x", "y", "z", "intensity", "ring", "t")}
+    scan = to_scan(columns, Path("a.pcd"))
+    assert all(column is not None for column in (scan.intensity, scan.ring, scan.time))
+
+
+def test_other_units_and_coordinates_that_are_there_twice_are_refused():
+    with pytest.raises(InputError, match="another unit than metres"):
+        by_plain_names(dict.fromkeys(["x (ft)", "y (ft)", "z (ft)"], np.zeros(3)), Path("a.csv"))
+    with pytest.raises(InputError, match="has x twice"):
+        by_plain_names(dict.fromkeys(["x", "X", "y", "z"], np.zeros(3)), Path("a.csv"))
