@@ -157,7 +157,7 @@ def test_training_says_how_far_it_is_how_epochs_went_where_it_goes_on_and_that_i
     ticks, said = [], []
     tell = {"progress": lambda *tick: ticks.append(tick), "report": said.append}
     train(data, tmp_path, settings(epochs=2), device="cpu", **tell)
-    assert {("labels", 8, 8), ("channels", 8, 8), ("training", 2, 16), ("training", 16, 16)} <= set(ticks)
+    assert {("labels", 8, 8), ("channels", 8, 8), ("training", 2, 10), ("training", 10, 10)} <= set(ticks)
     assert [tick for tick in ticks if tick[0] == "validation"]
     assert [sentence.split(":")[0] for sentence in said] == ["epoch 1 of at most 2", "epoch 2 of at most 2"]
     with pytest.MonkeyPatch.context() as patch:
@@ -238,8 +238,8 @@ def test_a_training_may_pack_its_samples_first_and_goes_on_from_them(data, tmp_p
     ticks = []
     packed = settings(packed=12, samples=6, sector=64)
     best = train(data, tmp_path, packed, device="cpu", progress=lambda *tick: ticks.append(tick))
-    assert {("packed", 12, 12), ("packed_validation", 8, 8), ("training", 12, 12)} <= set(ticks)
-    assert np.load(tmp_path / "packed" / "image.npy", mmap_mode="r").shape == (12, 8, 16, 128)
+    assert {("packed", 12, 12), ("packed_validation", 5, 5), ("training", 12, 12)} <= set(ticks)
+    assert np.load(tmp_path / "packed" / "image.npy", mmap_mode="r").shape == (12, 5, 16, 128)
     assert best.card["epochs"] == 2
     ticks.clear()
     train(data, tmp_path, packed, device="cpu", progress=lambda *tick: ticks.append(tick))

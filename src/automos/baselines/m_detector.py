@@ -1,14 +1,15 @@
 """M-detector: a point that hides what was seen a moment ago has moved, and so has what goes behind or before itself.
 
 Our reading of Wu, Li, Xu, Kong, Zhang, "Moving event detection from LiDAR point streams" (Nature Communications 2024)
-with the authors' parameters for KITTI, scan by scan; of other sensors, pixels are no finer than their rays and depth
-images no closer in time than their scans, as the authors ask. Past scans are depth images that keep their points.
-Points that pass one of three tests are events; clusters of them are completed to objects, and what was found is no
-longer taken for something that stood ("frame-out", "cluster future"). Only the past is used.
+with the authors' parameters for the sensor whose rays lie apart most like those of the one at hand, scan by scan;
+pixels are no finer than rays and depth images no closer in time than scans, as the authors ask. Past scans are depth
+images that keep their points. Points that pass one of three tests are events; clusters of them are completed to
+objects, and what was found is no longer taken for something that stood ("frame-out", "cluster future"). Only the past
+is used.
 """
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -29,9 +30,11 @@ _PREFILTER = 2
 
 
 def find_moving(
-    frames: Frames, parameters: Parameters, stamps: npt.NDArray, ground: GroundSettings, start: int = 0
+    frames: Frames, published: Sequence[Parameters], stamps: npt.NDArray, ground: GroundSettings, start: int = 0
 ) -> Iterator[tuple[int, Mask]]:
     """Yield (index, (M,) bool moving) of every frame from `start` on, in order. `stamps` (N,) are their times, s."""
+    apart = shape_for(frames, 0.0, 0.0).row_height
+    parameters = min(published, key=lambda one: abs(np.log(one.row / apart)))
     shape = shape_for(frames, float(np.degrees(parameters.row)), float(np.degrees(parameters.column)))
     tests = _Tests(parameters, shape)
     gap = max(parameters.gap, float(np.median(np.diff(stamps)))) if len(stamps) > 1 else parameters.gap
@@ -52,29 +55,16 @@ def find_moving(
 
 
 class _Tests:
-    """The three tests with their windows, made as wide as the sensor asks for."""
+    """The three tests."""
 
     def __init__(self, parameters: Parameters, shape: ImageShape):
         """Take what is published and the images' shape."""
-        self._shape, self._blind = shape, parameters.blind
-        self._wider = float(2.0 * np.pi / shape.columns / parameters.column)
-        self._higher = float(shape.row_height / parameters.row)
-        cases = (parameters.away, parameters.nearer)
-        crossing = parameters.crossing
-        self._crossing = crossing._replace(
-            stands=self._scaled(crossing.stands), surface_window=self._scaled(crossing.surface_window)
-        )
-        self._along = tuple(
-            case._replace(same=self._scaled(case.same), stands=self._scaled(case.stands), even=self._scaled(case.even))
-            for case in cases
-        )
+        self._shape, self._blind, self._crossing = shape, parameters.blind, parameters.crossing
+        self._along = (parameters.away, parameters.nearer)
         # what agrees within the smaller of their windows stands for cases 2 and 3
-        width, height = (min(case.stands[i] for case in cases) for i in (0, 1))
-        self._prefilter = self._scaled(Window(width, height))
-        self._plainly = min(case.tolerance for case in cases)
-
-    def _scaled(self, window: Window) -> Window:
-        return Window(window.width * self._wider, window.height * self._higher, window.metres)
+        width, height = (min(case.stands[i] for case in self._along) for i in (0, 1))
+        self._prefilter = Window(width, height)
+        self._plainly = min(case.tolerance for case in self._along)
 
     def find_events(self, frame: Frame, stamp: float, images: list[DepthImage]) -> Mask:
         """Return (M,) bool: the frame's points that pass any of the tests; `images` are from new to old."""

@@ -1,13 +1,14 @@
-"""M-detector's parameters, as its authors publish them for KITTI, each with its name and line there.
+"""M-detector's parameters, as its authors publish them for each data set, each with its name and line there.
 
-File: config/kitti/kitti0.yaml of github.com/hku-mars/M-detector at 0645dab. No other number is in the method but what
-follows from the sensor, as the README asks (lines 98 to 104): depth images as far apart as scans, pixels no finer than
-rays, the view that the sensor has. For KITTI's sensor the file gives a view from -23 to 2 degrees (lines 22, 23), two
-degrees less than the sensor's own.
+Files of github.com/hku-mars/M-detector: config/kitti/kitti0.yaml at 0645dab (HDL-64E) and
+config/nuscenes/nuscenes0.yaml at 5ce002f (HDL-32E). No other number is in the method but what follows from the sensor,
+as the README asks (lines 98 to 104): depth images as far apart as scans, pixels no finer than rays, the view that the
+sensor has. For KITTI's sensor the file gives a view from -23 to 2 degrees (lines 22, 23), two degrees less than the
+sensor's own.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from automos.baselines.depth_images import Window
 from automos.baselines.occlusion_tests import AlongRay, Crossing
@@ -15,7 +16,7 @@ from automos.baselines.occlusion_tests import AlongRay, Crossing
 
 @dataclass(frozen=True)
 class Parameters:
-    """Depth images, the three tests, clusters. A sensor whose rays lie further apart gets windows as much wider.
+    """Depth images, the three tests, clusters.
 
     Attributes
     ----------
@@ -103,3 +104,36 @@ KITTI = Parameters(
     cluster_voxels=8,  # cluster_min_pixel_number, 97
     cluster_share=0.3,  # cluster_thrustable_thresold, 98
 )
+
+NUSCENES = replace(
+    KITTI,  # what is equal in both files; clusters' voxel and share are in that one alone
+    images=5,  # max_depth_map_num, 12
+    gap=0.2,  # depth_map_dur, 11
+    row=0.022,  # ver_resolution_max, 100
+    column=0.007,  # hor_resolution_max, 101
+    blind=0.2,  # blind_dis, 19
+    crossing=KITTI.crossing._replace(
+        images=3,  # occluded_map_thr1, 41
+        stands=Window(0.01, 0.03, 0.15),  # map_cons_hor_thr1, _ver_thr1, _hor_dis1, 30 to 32
+        tolerance=0.3,  # map_cons_depth_thr1, 29
+        surface=1.5,  # interp_thr1, 78
+        surface_from=15.0,  # interp_start_depth1, 80
+        surface_slope=0.15,  # interp_kp1, 81
+        surface_window=Window(0.015, 0.06),  # interp_hor_thr, interp_ver_thr, 76, 77
+    ),
+    away=KITTI.away._replace(
+        same=Window(0.01, 0.04),  # occ_hor_thr2, occ_ver_thr2, 50, 51
+        stands=Window(0.01, 0.03),  # map_cons_hor_thr2, _ver_thr2, 47, 48
+        even=Window(0.01, 0.03),  # depth_cons_hor_thr2, _ver_thr2, 54, 55
+    ),
+    nearer=KITTI.nearer._replace(
+        same=Window(0.01, 0.04),  # occ_hor_thr3, occ_ver_thr3, 66, 67
+        share=0.005,  # k_depth3, 73
+        stands=Window(0.01, 0.03),  # map_cons_hor_thr3, _ver_thr3, 63, 64
+        even=Window(0.01, 0.03),  # depth_cons_hor_thr3, _ver_thr3, 70, 71
+    ),
+    cluster_reach=3,  # cluster_extend_pixel, 93
+    cluster_voxels=3,  # cluster_min_pixel_number, 94
+)
+
+FILES = (KITTI, NUSCENES)

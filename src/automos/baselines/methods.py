@@ -53,12 +53,12 @@ def _find_with(name: str, *more: str) -> FindMoving:
 
 
 def published(name: str) -> Any:
-    """Return the parameters of method `name` as its authors give them, a frozen dataclass.
+    """Return the parameters of method `name` as its authors give them: a frozen dataclass, or one a sensor.
 
     They are not settings: one compares with what was published. `find_moving` in the method's own module takes others.
     """
     if name == "m_detector":
-        return import_module("automos.baselines.m_detector_parameters").KITTI
+        return import_module("automos.baselines.m_detector_parameters").FILES
     return import_module(f"automos.baselines.{name}").Parameters()
 
 
