@@ -10,6 +10,7 @@ import pytest
 from worlds import lane, write_bins
 
 from automos.cli import main
+from automos.core.claims import EXPERIMENT, claim
 from automos.core.labels import pack
 from automos.core.pose_writers import write_kitti
 
@@ -159,6 +160,7 @@ def test_experiments_run_on_recordings_of_ones_own_and_go_on_where_they_were(aut
     home = [word for part in ("train", "validation", "test") for word in (f"--{part}", labelled)]
     away = [word for part in ("train", "validation", "test") for word in (f"--away-{part}", labelled)]
     # a lane of five scans has no automatic label that moves: what is there of an earlier run is taken
+    claim(Path("reproduced"), EXPERIMENT)
     automatic = Path("reproduced") / "labels" / labelled.name
     (automatic / "predictions").mkdir(parents=True)
     for path in (labelled / "labels").iterdir():

@@ -21,9 +21,7 @@ def test_every_pixel_gets_three_logits(residuals, size):
 
 def test_the_full_size_is_the_published_one():
     network = LMNet(ImageSettings(), ModelSettings())
-    assert (
-        round(sum(p.numel() for p in network.parameters()) / 1e6, 2) == 6.71
-    )  # SalsaNext
+    assert round(sum(p.numel() for p in network.parameters()) / 1e6, 2) == 6.71  # SalsaNext
 
 
 def test_the_input_is_normalised_and_empty_pixels_stay_empty():
