@@ -48,6 +48,18 @@ def test_a_recording_is_called_what_its_bag_is_but_for_the_kind(tmp_path, name):
     assert open_sequence(path).name == name.removesuffix(".bag").removesuffix(".mcap")
 
 
+def test_the_files_of_a_bag_may_be_called_by_any_bytes(tmp_path):
+    bag = write_bag(tmp_path / "log", {"/p": number(2)})
+    data = next(file for file in bag.iterdir() if file.suffix in (".db3", ".mcap"))
+    other = bag / (os.fsdecode(b"name\xff") + data.suffix)
+    try:
+        data.rename(other)
+    except OSError:
+        pytest.skip("this file system takes names in UTF-8 only")
+    assert len(open_sequence(bag)) == 2
+    assert open_sequence(bag).fingerprint() == open_sequence(bag).fingerprint()
+
+
 def test_the_address_of_a_topic_opens_it_again(tmp_path):
     write_bag(tmp_path / "log.mcap", {"/front/points": number(3), "/rear/points": number(4)})
     rear = open_sequence(tmp_path / "log.mcap" / "rear" / "points")

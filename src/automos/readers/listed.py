@@ -1,6 +1,7 @@
 """Sequences whose format fixes the kind of its files: one file per scan, listed once, read when asked for."""
 
 import hashlib
+import os
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -100,7 +101,7 @@ def digest_of_files(files: Iterable[Path], *more: bytes) -> str:
             status = file.stat()
         except OSError as error:
             raise InputError(f"{file} cannot be read: {error.strerror}; the recording is not whole") from None
-        digest.update(f"{file.name}\0{status.st_size}\0{status.st_mtime_ns}\n".encode())
+        digest.update(os.fsencode(f"{file.name}\0{status.st_size}\0{status.st_mtime_ns}\n"))  # names are any bytes
     for part in more:
         digest.update(part)
     return digest.hexdigest()
