@@ -49,7 +49,8 @@ def plain_names(names: Sequence[str]) -> list[str]:
     What stands before all three axes alike is left out before the others, too.
     """
     plain = [_plain(name) for name in names]
-    before = {name[:-1] for name in plain if {name[:-1] + axis for axis in "xyz"} <= {*plain}}
+    there = {*plain}  # a damaged header may name very many
+    before = {name[:-1] for name in there if {name[:-1] + axis for axis in "xyz"} <= there}
     if len(before) == 1:
         plain = [name.removeprefix(*before) or name for name in plain]
     for i, name in enumerate(plain):
