@@ -18,7 +18,7 @@ from automos.baselines.depth_images import DepthImage, Stack, Window, draw, stac
 from automos.baselines.m_detector_parameters import Parameters
 from automos.baselines.neighbours_in_time import scans_at
 from automos.baselines.occlusion_tests import find_along_ray, find_crossing, leave_out_standing
-from automos.baselines.range_image import ImageShape, shape_for
+from automos.baselines.range_image import ImageShape, pattern_of, shape_of
 from automos.baselines.regions import label_regions
 from automos.core.geometry import inverse
 from automos.core.scan import Frame, Frames, Mask
@@ -33,9 +33,10 @@ def find_moving(
     frames: Frames, published: Sequence[Parameters], stamps: npt.NDArray, ground: GroundSettings, start: int = 0
 ) -> Iterator[tuple[int, Mask]]:
     """Yield (index, (M,) bool moving) of every frame from `start` on, in order. `stamps` (N,) are their times, s."""
-    apart = shape_for(frames, 0.0, 0.0).row_height
+    pattern = pattern_of(frames)
+    apart = shape_of(pattern, 0.0, 0.0).row_height
     parameters = min(published, key=lambda one: abs(np.log(one.row / apart)))
-    shape = shape_for(frames, float(np.degrees(parameters.row)), float(np.degrees(parameters.column)))
+    shape = shape_of(pattern, float(np.degrees(parameters.row)), float(np.degrees(parameters.column)))
     tests = _Tests(parameters, shape)
     gap = max(parameters.gap, float(np.median(np.diff(stamps)))) if len(stamps) > 1 else parameters.gap
     lags = gap * np.arange(1, parameters.images + 1)

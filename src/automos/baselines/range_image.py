@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.arrays import evenly_spread
-from automos.core.beam_pattern import learn_pattern
+from automos.core.beam_pattern import BeamPattern, learn_pattern
 from automos.core.cells import turn_of
 from automos.core.kernels import kernel
 from automos.core.scan import Frames
@@ -49,7 +49,16 @@ def shape_for(frames: Frames, row_deg: float, column_deg: float) -> ImageShape:
 
     A sensor of few beams leaves whole rows of finer pixels empty, and nothing could be compared there.
     """
-    pattern = learn_pattern(evenly_spread(frames, 5))
+    return shape_of(pattern_of(frames), row_deg, column_deg)
+
+
+def pattern_of(frames: Frames) -> BeamPattern:
+    """Return how the sensor's rays lie."""
+    return learn_pattern(evenly_spread(frames, 5))
+
+
+def shape_of(pattern: BeamPattern, row_deg: float, column_deg: float) -> ImageShape:
+    """Return the shape of images with pixels of that size, or as wide apart as the rays of `pattern` lie."""
     row_deg = max(row_deg, float(np.degrees(pattern.row_height)))
     return image_shape(row_deg, max(column_deg, float(np.degrees(pattern.column_width))), -_EDGE_DEG, _EDGE_DEG)
 

@@ -62,7 +62,7 @@ def motion_cost(objects: Objects, found: Detections, noise: FilterSettings, sett
     k, j = np.nonzero((np.abs(x[:, None] - found_x) < reach) & (np.abs(y[:, None] - found_y) < reach))
     mean, size, offset = objects.mean[k], found.boxes.size[j], found.boxes.center[j] - objects.mean[k, :3]
     spread = objects.covariance[k, :2, :2] + noise.measurement_variance * np.eye(2)
-    squared = _mahalanobis(offset[:, :2], spread)
+    squared, determinant = _mahalanobis(offset[:, :2], spread)
     overlap = _overlap(mean, offset, found.boxes.yaw[j], size)
     squared = np.minimum(squared, np.where(overlap > MIN_OVERLAP, (1.0 - overlap) * settings.gate**2, np.inf))
     climb = np.abs(offset[:, 2])
@@ -74,7 +74,7 @@ def motion_cost(objects: Objects, found: Detections, noise: FilterSettings, sett
     is_possible = (squared < settings.gate**2) & (climb < MAX_CLIMB)
     is_possible &= thinning < np.log(MAX_COUNT_RATIO)
     # -2 log of the density's height: whose place is known explains a detection better than whose could be anywhere.
-    vagueness = np.log(np.linalg.det(spread)) - 2.0 * np.log(noise.measurement_variance)
+    vagueness = np.log(determinant) - 2.0 * np.log(noise.measurement_variance)
     price = squared + vagueness + climb + SIZE_WEIGHT * growth + thinning + EVIDENCE_WEIGHT * np.abs(settling)
     cost[k, j] = np.where(is_possible, price, np.inf)
     return cost
@@ -98,10 +98,11 @@ def _overlap(mean: Array, offset: Array, yaw: Array, size: Array) -> Array:
     return share
 
 
-def _mahalanobis(offset: Array, spread: Array) -> Array:
-    """Return the squared Mahalanobis length (P,) of `offset` (P, 2) for the covariance `spread` (P, 2, 2)."""
+def _mahalanobis(offset: Array, spread: Array) -> tuple[Array, Array]:
+    """Return (P,) squared Mahalanobis lengths of `offset` (P, 2) under `spread` (P, 2, 2), and its determinants."""
     x, y, a, b, c = offset[:, 0], offset[:, 1], spread[:, 0, 0], spread[:, 0, 1], spread[:, 1, 1]
-    return (c * x * x - 2.0 * b * x * y + a * y * y) / (a * c - b * b)
+    determinant = a * c - b * b
+    return (c * x * x - 2.0 * b * x * y + a * y * y) / determinant, determinant
 
 
 def assign(cost: Array) -> tuple[Rows, Rows]:

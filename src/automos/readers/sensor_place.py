@@ -78,8 +78,9 @@ class Spacing:
         from scipy.optimize import minimize
 
         around = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [0.0, 10.0, 0.0], [0.0, 0.0, 2.0]])
-        places = self.starts()
-        for start in self.starts():
+        starts = self.starts()
+        places = [*starts]
+        for start in starts:
             options = {"initial_simplex": start + around, "maxfev": 120, "xatol": 0.1, "fatol": 1e-3}
             places.append(minimize(lambda place: -self.fit(place), start, method="Nelder-Mead", options=options).x)
         return max((one for one in places if self.beyond(one) < _EDGE), key=self.fit)

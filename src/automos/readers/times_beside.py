@@ -41,7 +41,8 @@ def read_times(path: Path, names: Sequence[str]) -> npt.NDArray[np.float64]:
     """
     try:
         head, rows = _table(read_text(path))
-        times = _times_in(head, list(zip(*rows, strict=True)))
+        columns = list(zip(*rows, strict=True))
+        times = _times_in(head, columns)
     except (OSError, ValueError) as error:
         raise InputError(f"{path} must hold one time in seconds a line, or a date: {error}") from None
     step = usual_step(times) or 0.0
@@ -51,7 +52,7 @@ def read_times(path: Path, names: Sequence[str]) -> npt.NDArray[np.float64]:
     if not is_known.all():
         raise InputError(f"{path}, line {int(np.argmin(is_known)) + 1}: the time is not a number of seconds")
     keys = [_key(name) for name in names]
-    for column in zip(*rows, strict=True) if rows and len(rows[0]) > 1 else ():
+    for column in columns if len(columns) > 1 else ():
         line_of = {_key(cell): line for line, cell in enumerate(column)}
         if len(line_of) == len(rows) and line_of.keys() >= set(keys):
             return times[[line_of[key] for key in keys]]

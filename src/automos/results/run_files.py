@@ -27,7 +27,7 @@ from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.trajectory import SequenceFrames, Trajectory, make_frame
 from automos.results.point_files import PointFiles
 from automos.results.scan_boxes import ScanBoxes
-from automos.results.tracks_file import box_table, each_track, read_tracks
+from automos.results.tracks_file import box_table, each_track
 
 logger = logging.getLogger(__name__)
 
@@ -68,6 +68,7 @@ class RunFiles(PointFiles):
         self.sequence = sequence
         self.deskewed = deskewed
         self.rows_of: Callable[[Scan, int], npt.NDArray[np.bool_]] | None = None
+        self._beside_tracks: dict[str, Any] = {}
         self._progress = progress
         missing = [name for name in self.names if not (self._predictions / f"{name}.label").exists()]
         if missing:
@@ -148,10 +149,10 @@ class RunFiles(PointFiles):
     @cached_property
     def T_level_world(self) -> Pose:
         """(4, 4) from the poses' world to the frame of the boxes, z up."""
-        beside: dict[str, Any] = {}
-        for _ in each_track(self._tracks_path, len(self), beside):
-            pass  # one at a time: together they are the largest thing that is said of a long drive
-        return inverse(np.array(beside["T_world_level"], np.float64))
+        if not self._beside_tracks:
+            for _ in self.each_track():
+                pass  # one at a time: together they are the largest thing that is said of a long drive
+        return inverse(np.array(self._beside_tracks["T_world_level"], np.float64))
 
     def T_level_sensor(self, index: int) -> Pose:
         """Return (4, 4): where the sensor was at scan `index`, in the level frame."""
@@ -204,15 +205,14 @@ class RunFiles(PointFiles):
     @cached_property
     def tracks_file(self) -> dict[str, Any]:
         """What tracks.json holds."""
-        return read_tracks(self._tracks_path, len(self))
+        tracks = list(self.each_track())
+        return {**self._beside_tracks, "tracks": tracks}
 
     def each_track(self) -> Iterator[dict[str, Any]]:
         """Yield the tracks of `tracks_file` as they are read."""
-        return each_track(self._tracks_path, len(self))
-
-    @property
-    def _tracks_path(self) -> Path:
-        return self.folder / "tracks.json"
+        beside: dict[str, Any] = {}
+        yield from each_track(self.folder / "tracks.json", len(self), beside)
+        self._beside_tracks = beside  # all of it has been checked
 
     @cached_property
     def _kind_of_track(self) -> dict[int, Kind]:

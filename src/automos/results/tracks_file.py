@@ -70,14 +70,7 @@ class _Tracks(_Strict):
 _TRACKS, _TRACK = TypeAdapter(_Tracks), TypeAdapter(_Track)
 
 
-def read_tracks(path: Path, n_scans: int) -> dict[str, Any]:
-    """Return what a tracks.json of `n_scans` scans holds; errors are those of `each_track`."""
-    document: dict[str, Any] = {}
-    tracks = list(each_track(path, n_scans, document))
-    return {**document, "tracks": tracks}
-
-
-def each_track(path: Path, n_scans: int, beside: dict[str, Any] | None = None) -> Iterator[dict[str, Any]]:
+def each_track(path: Path, n_scans: int, beside: dict[str, Any]) -> Iterator[dict[str, Any]]:
     """Yield the tracks of a tracks.json of `n_scans` scans; what it says beside is put into `beside`.
 
     Raises
@@ -85,11 +78,11 @@ def each_track(path: Path, n_scans: int, beside: dict[str, Any] | None = None) -
     InputError
         It is absent, damaged, or of more scans.
     """
-    document, ids = {} if beside is None else beside, set()
+    ids = set()
     try:
         for name, value in each_member(read_text(path), "tracks"):
             if name is not None:
-                document[name] = value
+                beside[name] = value
                 continue
             checked(_TRACK, value)
             scans = [box["scan"] for box in value["boxes"]]
@@ -101,8 +94,8 @@ def each_track(path: Path, n_scans: int, beside: dict[str, Any] | None = None) -
                 raise ValueError("a track has two boxes in a scan")
             ids.add(value["id"])
             yield value
-        checked(_TRACKS, document)
-        T = np.array(document["T_world_level"])
+        checked(_TRACKS, beside)
+        T = np.array(beside["T_world_level"])
         if np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() > 1e-3 or not np.array_equal(T[3], [0.0, 0.0, 0.0, 1.0]):
             raise ValueError("T_world_level is not a rigid transform")
     except FileNotFoundError:

@@ -37,9 +37,9 @@ def survey(run: RunFiles) -> dict[str, Any]:
     """
     about = Workspace(run.folder).read_run()
     n = len(run)
+    told = [(doubt(track), track_row(track), _moving_boxes(track)) for track in run.each_track()]
     T_level_sensor = np.array([run.T_level_sensor(i) for i in range(n)])
     path = T_level_sensor[:, :3, 3]
-    told = [(doubt(track), track_row(track), _moving_boxes(track)) for track in run.each_track()]
     boxes = _packed_boxes(np.concatenate([np.zeros((0, 7), np.float32), *(of_track for _, _, of_track in told)]), n)
     rows = [row for _, row, _ in sorted(told, key=lambda one: one[0])]
     del told

@@ -14,6 +14,7 @@ from automos.readers.columns import Columns
 from automos.readers.packets.beams import Beams, beams_of
 from automos.readers.packets.layouts import VELODYNE, Layout, layout_of
 from automos.readers.packets.pcap import Datagrams
+from automos.readers.packets.sweeps import usual_turn
 from automos.readers.packets.velodyne import VelodyneDecoder
 
 _TOLD_WITHIN = 4200
@@ -95,8 +96,7 @@ class TableDecoder:
     def _along_beams(self, points: npt.NDArray, azimuth: npt.NDArray, n_returns: int) -> npt.NDArray[np.float32]:
         """Return (P, B, C, 3) points, metres, at their ranges along the beams; the origin where there was no return."""
         assert self._beams is not None
-        steps = (np.diff(azimuth.reshape(-1)[::n_returns]) + 18000) % 36000 - 18000
-        turned = float(np.median(steps[steps != 0])) if steps.any() else 0.0
+        turned = usual_turn(azimuth.reshape(-1)[::n_returns])
         fired = 0.01 * (azimuth[..., None] + turned * np.resize(self.layout.fired, points.shape[2]))
         around, elevation = map(np.radians, self._beams.towards(fired))
         ahead = np.radians(self.layout.ahead)

@@ -80,7 +80,7 @@ class SweepCutter:
     def cut(self, packets: Datagrams) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64]]:
         """Return of the sensor's next packets, at least one, which begin a sweep (N,), and their stamps (N,)."""
         turned = self._layout.turned(packets)
-        self._sense = self._sense or sense_of(turned)
+        self._sense = self._sense or int(np.sign(usual_turn(turned)))
         turned = turned * (self._sense or 1)
         known = packets if self._last is None else join([self._last, packets])
         if self._last is None:
@@ -94,10 +94,13 @@ class SweepCutter:
         return is_first, seconds
 
 
-def sense_of(turned: npt.NDArray) -> int:
-    """Return 1 where a sensor turns on from (N,) to the next, in 1/36000 of a turn, -1 where back, 0 where it rests."""
-    steps = (np.diff(turned.astype(np.float64)) + 18000.0) % 36000.0 - 18000.0
-    return int(np.sign(np.median(steps[steps != 0.0]))) if steps.any() else 0
+def usual_turn(azimuth: npt.NDArray) -> float:
+    """Return how far a sensor turns from one of (N,) directions to the next, in 1/36000 of a turn.
+
+    It is less than 0 where it turns back, and 0 where it rests.
+    """
+    steps = (np.diff(azimuth.astype(np.float64)) + 18000.0) % 36000.0 - 18000.0
+    return float(np.median(steps[steps != 0.0])) if steps.any() else 0.0
 
 
 @kernel
