@@ -6,7 +6,7 @@ import pytest
 from automos.core.upright_boxes import Boxes
 from automos.objects.detections import Detections
 from automos.objects.judge import is_scenery, judge_tracks, moving_now
-from automos.objects.terms import segment_terms
+from automos.objects.terms import Segments, segment_terms
 from automos.objects.tracks import Tracks
 from automos.objects.verdict import Verdict, Verdicts
 
@@ -32,8 +32,12 @@ def one_track(center, n_points=100, moved=1.0, stayed=0.0, scans=None, side=1.0,
     return table, seen
 
 
+def all_of(seen):
+    return Segments.of_scans([segment_terms(found) for found in seen])
+
+
 def judged(table, seen):
-    return judge_tracks(table, [segment_terms(found) for found in seen], STAMPS)
+    return judge_tracks(table, all_of(seen), STAMPS)
 
 
 def verdict_on(**track):
@@ -108,7 +112,7 @@ def test_what_waits_for_long_and_then_leaves_has_moved():
         seen.append(
             Detections.of_objects(Boxes(table.center[k : k + 1], np.ones((1, 3)), np.zeros(1), np.ones(1)), *counts)
         )
-    verdicts = judge_tracks(table, [segment_terms(found) for found in seen], t)
+    verdicts = judge_tracks(table, all_of(seen), t)
     assert verdicts.is_moving[0]
     now = moving_now(table, verdicts, t).p_moving >= 0.5
     assert not now[:65].any()
@@ -130,9 +134,9 @@ def test_what_has_stayed_in_every_scan_is_scenery():
     (car, seen_car), (wall, seen_wall) = one_track(STRAIGHT), one_track(0.0 * STRAIGHT, moved=0.0, stayed=1.0)
     car = Tracks(car.track + 1, car.scan, car.segment + 1, car.center, car.size, car.yaw, car.velocity)
     seen = [Detections.concatenate([a, b]) for a, b in zip(seen_wall, seen_car, strict=True)]
-    both, has_stayed = Tracks.concatenate([wall, car]), [found.has_stayed for found in seen]
-    assert is_scenery(both, np.array([False, False]), has_stayed).tolist() == [True, False]
-    assert is_scenery(both, np.array([True, False]), has_stayed).tolist() == [False, False]
+    both, segments = Tracks.concatenate([wall, car]), all_of(seen)
+    assert is_scenery(both, np.array([False, False]), segments).tolist() == [True, False]
+    assert is_scenery(both, np.array([True, False]), segments).tolist() == [False, False]
 
 
 def test_no_tracks_have_no_verdicts():

@@ -2,8 +2,19 @@
 
 import numpy as np
 
+from automos.core.upright_boxes import Boxes
+from automos.objects.detections import Detections
+from automos.objects.terms import Segments, segment_terms
 from automos.objects.tracking import is_small
 from automos.objects.tracks import Tracks
+
+
+def segments(n_scans, *n_points):
+    """In every scan segments of so many points."""
+    n = len(n_points)
+    boxes = Boxes(np.zeros((n, 3)), np.ones((n, 3)), np.zeros(n), np.ones(n))
+    found = Detections.of_objects(boxes, np.array(n_points), *np.zeros((2, n)))
+    return Segments.of_scans([segment_terms(found)] * n_scans)
 
 
 def test_a_body_shows_enough_points_for_enough_time_in_one_sight():
@@ -13,14 +24,14 @@ def test_a_body_shows_enough_points_for_enough_time_in_one_sight():
     scan[1:3] = 1, 2  # without a break
     stamps = np.array([0.0, 0.2, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
     parts = Tracks.of_segments(track, scan, track, np.zeros(len(sights)))
-    n_points = [np.array([10.0, 50.0, 50.0])] * len(stamps)
+    seen_each = segments(len(stamps), 10.0, 50.0, 50.0)
     seen = np.array([30 * 0.5, 100 * 0.3, 100 * 0.3])
     for enough in (10.0, 20.0, 29.0, 31.0):
-        np.testing.assert_array_equal(is_small(parts, 3, n_points, stamps, enough), seen < enough)
+        np.testing.assert_array_equal(is_small(parts, 3, seen_each, stamps, enough), seen < enough)
 
 
 def test_what_is_lost_between_two_sights_is_judged_by_each_alone():
     parts = Tracks.of_segments(np.zeros(4, int), np.array([0, 1, 5, 6]), np.zeros(4, int), np.zeros(4))
-    n_points, stamps = [np.array([100.0])] * 7, 0.1 * np.arange(7)
-    assert not is_small(parts, 1, n_points, stamps, 19.0)[0]
-    assert is_small(parts, 1, n_points, stamps, 21.0)[0]
+    seen, stamps = segments(7, 100.0), 0.1 * np.arange(7)
+    assert not is_small(parts, 1, seen, stamps, 19.0)[0]
+    assert is_small(parts, 1, seen, stamps, 21.0)[0]

@@ -16,6 +16,7 @@ from automos.objects.terms import (
     POROUS,
     STAYED,
     WRONG,
+    Segments,
     each_for_itself,
     segment_terms,
 )
@@ -74,14 +75,21 @@ def tracks(*rows):
 
 def test_who_passes_a_parked_car_says_nothing_of_it():
     alone = segments((300, 300, 0))
-    terms = [segment_terms(found) for found in (alone, PASSED, alone)]
-    found = each_for_itself(terms, tracks((0, 1, 0), (1, 0, 0), (1, 1, 1), (1, 2, 0)))
-    assert found[1].evidence[0] == pytest.approx(said((700, 0, 700)))
-    for k, segment in ((0, 0), (1, 1), (2, 0)):
-        assert found[k].evidence[segment] == terms[k].evidence[segment]
+    seen = Segments.of_scans([segment_terms(found) for found in (alone, PASSED, alone)])
+    found = each_for_itself(seen, tracks((0, 1, 0), (1, 0, 0), (1, 1, 1), (1, 2, 0)))
+    assert found.terms.evidence[1] == pytest.approx(said((700, 0, 700)))
+    assert found.terms.evidence[[0, 2, 3]].tolist() == seen.terms.evidence[[0, 2, 3]].tolist()
 
 
 def test_an_edge_that_is_nothing_but_a_piece_speaks_for_its_whole():
-    terms = [segment_terms(found) for found in (PASSED, PASSED)]
-    found = each_for_itself(terms, tracks((0, 0, 0), (0, 1, 0), (1, 0, 1), (1, 1, 1)))
-    assert [of_scan.evidence.tolist() for of_scan in found] == [of_scan.evidence.tolist() for of_scan in terms]
+    seen = Segments.of_scans([segment_terms(found) for found in (PASSED, PASSED)])
+    found = each_for_itself(seen, tracks((0, 0, 0), (0, 1, 0), (1, 0, 1), (1, 1, 1)))
+    assert found.terms.evidence.tolist() == seen.terms.evidence.tolist()
+
+
+def test_segments_are_numbered_from_scan_to_scan():
+    nothing, one = segment_terms(Detections.nothing()), segment_terms(segments((9, 0, 0)))
+    seen = Segments.of_scans([one, nothing, segment_terms(PASSED)])
+    assert seen.begins.tolist() == [0, 1, 1, 3]
+    assert seen.terms.part_of.tolist() == [-1, -1, 1]
+    assert seen.of(tracks((0, 0, 0), (0, 1, -1), (0, 2, 1))).tolist() == [0, -1, 2]

@@ -7,7 +7,7 @@ from automos.core.upright_boxes import Boxes
 from automos.objects.bodies import cut_where_two
 from automos.objects.detections import Detections
 from automos.objects.judge import judge_tracks
-from automos.objects.terms import segment_terms
+from automos.objects.terms import Segments, segment_terms
 from automos.objects.tracker import track_objects
 from automos.objects.tracks import of_rows
 from automos.settings import TrackingSettings
@@ -125,11 +125,12 @@ def test_a_fast_car_out_of_sight_does_not_become_a_parked_one():
 
 def moving_ways(scans):
     """The x of what each track that has moved was seen as, by scan, once tracks are cut where they are two bodies."""
-    tracks, stamps, terms = track(scans), 0.1 * np.arange(len(scans)), [segment_terms(found) for found in scans]
-    is_moving = judge_tracks(tracks, terms, stamps).is_moving
-    evidence = of_rows(tracks, [of_scan.evidence for of_scan in terms])
+    tracks, stamps = track(scans), 0.1 * np.arange(len(scans))
+    segments = Segments.of_scans([segment_terms(found) for found in scans])
+    is_moving = judge_tracks(tracks, segments, stamps).is_moving
+    evidence = of_rows(segments.of(tracks), segments.terms.evidence)
     tracks = cut_where_two(tracks, is_moving, evidence, stamps)
-    moves = judge_tracks(tracks, terms, stamps).is_moving
+    moves = judge_tracks(tracks, segments, stamps).is_moving
     return [way for way, is_mover in zip(ways(scans, tracks), moves, strict=True) if is_mover]
 
 

@@ -18,7 +18,6 @@ Scans within a look are not independent and count by the time between them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence, Sized
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,7 +30,7 @@ from automos.objects.face_paths import path_terms
 from automos.objects.looks import looks, share_first_looks
 from automos.objects.motion import ACCELERATION, NOISE
 from automos.objects.states import later, state_probabilities
-from automos.objects.terms import SegmentTerms, doubted
+from automos.objects.terms import Segments, doubted
 from automos.objects.tracks import Tracks
 from automos.objects.verdict import Verdict, Verdicts
 
@@ -70,7 +69,7 @@ class Past(ColumnData):
         return later(self.p_moving, self.p_ever, wait, BEGIN, END)
 
 
-def judge_tracks(tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, past: Past | None = None) -> Verdicts:
+def judge_tracks(tracks: Tracks, segments: Segments, stamps: Array, past: Past | None = None) -> Verdicts:
     """Return moving for every track that has moved more likely than not.
 
     The confidence is the probability that the verdict is right. Tracks with a single observation are static, because
@@ -78,13 +77,13 @@ def judge_tracks(tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, p
 
     Parameters
     ----------
-    terms : sequence of SegmentTerms, one per scan.
+    segments : Segments of all scans.
     stamps : (N,) float64, seconds.
     past : of each track, if they are judged while more scans come: those of the first look share it, and the way does
         not count, as it is not over.
     """
     known = Past.nothing(len(tracks)) if past is None else past
-    first, times, ratio, scatter, displaced = _weighted(tracks, terms, stamps, known, past is not None)
+    first, times, ratio, scatter, displaced = _weighted(tracks, segments, stamps, known, past is not None)
     _, p_ever = state_probabilities(first, times, ratio, *known.before(first, times), BEGIN, END)
     if past is None:
         p_ever = expit(logit(p_ever) + DISPLACED * displaced + LEFT)
@@ -94,9 +93,9 @@ def judge_tracks(tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, p
     return Verdicts(verdict, np.where(is_moving, p_ever, 1.0 - p_ever), scatter)
 
 
-def past_of(tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, past: Past, is_over: Mask) -> Past:
+def past_of(tracks: Tracks, segments: Segments, stamps: Array, past: Past, is_over: Mask) -> Past:
     """Return the `past` of tracks once the scans `is_over` (N,), the first ones, belong to it; see `judge_tracks`."""
-    first, times, ratio, *_ = _weighted(tracks, terms, stamps, past, True)
+    first, times, ratio, *_ = _weighted(tracks, segments, stamps, past, True)
     over = np.concatenate([[0], np.cumsum(is_over[tracks.scan[tracks.is_observed]])])[first]
     rows = np.flatnonzero(is_over[tracks.scan[tracks.is_observed]])
     times, ratio = times[rows], ratio[rows]
@@ -108,7 +107,7 @@ def past_of(tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, past: 
 
 
 def _weighted(
-    tracks: Tracks, terms: Sequence[SegmentTerms], stamps: Array, past: Past, is_going_on: bool
+    tracks: Tracks, segments: Segments, stamps: Array, past: Past, is_going_on: bool
 ) -> tuple[npt.NDArray[np.int64], Array, Array, Array, Array]:
     """Return the first observation of each track (T + 1,), times (R,) and log-likelihood ratios (R,) of all.
 
@@ -117,11 +116,9 @@ def _weighted(
     seen = np.flatnonzero(tracks.is_observed)
     first = np.searchsorted(tracks.track[seen], np.arange(len(tracks) + 1))
     times = stamps[tracks.scan[seen]]
-    rows = _segments(tracks, seen, terms)
-    evidence = np.concatenate([np.zeros(0), *(of_scan.evidence for of_scan in terms)])[rows]
-    faces = np.concatenate([np.zeros((0, 4)), *(of_scan.faces for of_scan in terms)])[rows]
-    scatter, unsteady, displaced = path_terms(first, times, faces)
-    ratio = evidence + np.repeat(UNSTEADY * unsteady, np.diff(first))
+    said = segments.terms[segments.of(tracks)[seen]]
+    scatter, unsteady, displaced = path_terms(first, times, said.faces)
+    ratio = said.evidence + np.repeat(UNSTEADY * unsteady, np.diff(first))
     worth = looks(first, times, since=past.stamp)
     if is_going_on:
         share_first_looks(worth, first, times, np.isinf(past.stamp))
@@ -149,15 +146,7 @@ def moving_now(tracks: Tracks, verdicts: Verdicts, stamps: Array) -> Tracks:
     return replace(tracks, p_moving=p_moving * p_ever[tracks.track])
 
 
-def is_scenery(tracks: Tracks, is_moving: Mask, has_stayed: Sequence[Mask]) -> Mask:
-    """Return (T,) which tracks do not move and have stayed in every scan, as `has_stayed` says of its segments."""
-    out, rows = np.ones(len(tracks), np.bool_), np.flatnonzero(tracks.is_observed)
-    if len(rows):
-        out[tracks.track[rows[~np.concatenate(has_stayed)[_segments(tracks, rows, has_stayed)]]]] = False
-    return out & ~is_moving
-
-
-def _segments(tracks: Tracks, seen: npt.NDArray[np.int64], per_scan: Sequence[Sized]) -> npt.NDArray[np.int64]:
-    """Return (K,) the segment of each of the rows `seen` (K,), numbered through all scans."""
-    begins = np.cumsum([0, *(len(of_scan) for of_scan in per_scan)])
-    return begins[tracks.scan[seen]] + tracks.segment[seen]
+def is_scenery(tracks: Tracks, is_moving: Mask, segments: Segments) -> Mask:
+    """Return (T,) which tracks do not move and have stayed in every scan, by the evidence on their segments alone."""
+    has_stayed = np.append(segments.terms.has_stayed, True)[segments.of(tracks)]
+    return (np.bincount(tracks.track, ~has_stayed, len(tracks)) == 0) & ~is_moving

@@ -20,7 +20,7 @@ from scipy.special import gammaln
 
 from automos.core.column_data import ColumnData
 from automos.objects.detections import Detections
-from automos.objects.tracks import Tracks, of_rows
+from automos.objects.tracks import Tracks
 
 Array = npt.NDArray[np.float64]
 
@@ -34,7 +34,7 @@ LEAST_SOLID = 0.1  # lower limit of solidity relative to that of a solid face
 
 @dataclass(frozen=True, eq=False)
 class SegmentTerms(ColumnData):
-    """The terms of the M segments of one scan for the tracks they belong to.
+    """The terms of the M segments of one scan for the tracks they belong to; and what else is kept of each.
 
     Attributes
     ----------
@@ -42,12 +42,42 @@ class SegmentTerms(ColumnData):
     evidence : (M,) float64, log-likelihood ratio of the points, moved against stayed, plus that of being a body.
     of_rest : (M,) float64, the same without the points of the pieces that were cut out of it.
     part_of : (M,) int, the segment that it was cut out of, -1 for none.
+    n_points : (M,) float32, number of its points.
+    has_stayed : (M,) bool, see `Detections`.
     """
 
     faces: Array
     evidence: Array
     of_rest: Array
     part_of: npt.NDArray[np.integer]
+    n_points: npt.NDArray[np.float32]
+    has_stayed: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Segments:
+    """The segments of N scans, M in all, numbered from scan to scan.
+
+    Attributes
+    ----------
+    terms : SegmentTerms of all, (M,).
+    begins : (N + 1,) int64, number of the first segment of each scan, and M.
+    """
+
+    terms: SegmentTerms
+    begins: npt.NDArray[np.int64]
+
+    @classmethod
+    def of_scans(cls, scans: Sequence[SegmentTerms]) -> Segments:
+        """Return the segments of all `scans`."""
+        begins = np.cumsum([0, *map(len, scans)])
+        terms = SegmentTerms.concatenate([segment_terms(Detections.nothing()), *scans])
+        is_part, first = terms.part_of >= 0, np.repeat(begins[:-1], np.diff(begins))
+        return cls(replace(terms, part_of=np.where(is_part, terms.part_of + first, -1)), begins)
+
+    def of(self, tracks: Tracks) -> npt.NDArray[np.int64]:
+        """Return (R,) the number of the segment of each row of `tracks`, -1 where there is none."""
+        return np.where(tracks.is_observed, self.begins[tracks.scan] + tracks.segment, -1)
 
 
 def segment_terms(found: Detections, is_asked: bool = True) -> SegmentTerms:
@@ -69,25 +99,24 @@ def segment_terms(found: Detections, is_asked: bool = True) -> SegmentTerms:
     cut = {name: np.bincount(pieces.part_of, getattr(pieces, name), len(found)) for name in counts}
     rest = replace(found, **{name: getattr(found, name) - of_pieces for name, of_pieces in cut.items()})
     evidence, of_rest = (says * (BODY + of_bodies + doubted(_evidence(of, is_asked), WRONG)) for of in (found, rest))
-    return SegmentTerms(np.stack([x, y, z - half, z + half], axis=-1), evidence, of_rest, found.part_of)
+    faces, n_points = np.stack([x, y, z - half, z + half], axis=-1), found.n_points.astype(np.float32)
+    return SegmentTerms(faces, evidence, of_rest, found.part_of, n_points, found.has_stayed)
 
 
-def each_for_itself(terms: Sequence[SegmentTerms], tracks: Tracks) -> list[SegmentTerms]:
-    """Return `terms` in which no point speaks for two things: for a mover, and for what it was cut out of.
+def each_for_itself(segments: Segments, tracks: Tracks) -> Segments:
+    """Return `segments` in which no point speaks for two things: for a mover, and for what it was cut out of.
 
     A piece is a thing of its own if its track is no piece in most of its scans, as who passes a parked car closely. The
     moved edges of a lorry are never anything else.
     """
-    begins = np.cumsum([0, *map(len, terms)])
-    wholes = [np.where(of_scan.part_of < 0, -1, of_scan.part_of + k) for of_scan, k in zip(terms, begins, strict=False)]
-    whole = of_rows(tracks, wholes)
+    terms = segments.terms
+    whole = np.append(terms.part_of, -1)[segments.of(tracks)]
     n_seen, n_as_piece = (np.bincount(tracks.track, rows, len(tracks)) for rows in (tracks.is_observed, whole >= 0))
     is_own = n_as_piece < 0.5 * n_seen
-    is_lent = np.zeros(begins[-1], np.bool_)
-    is_lent[whole[(whole >= 0) & is_own[tracks.track]].astype(np.int64)] = True
-    lent = np.split(is_lent, begins[1:-1])
-    evidence = [np.where(of_scan, t.of_rest, t.evidence) for t, of_scan in zip(terms, lent, strict=True)]
-    return [replace(t, evidence=said, of_rest=said) for t, said in zip(terms, evidence, strict=True)]
+    is_lent = np.zeros(len(terms), np.bool_)
+    is_lent[whole[(whole >= 0) & is_own[tracks.track]]] = True
+    said = np.where(is_lent, terms.of_rest, terms.evidence)
+    return replace(segments, terms=replace(terms, evidence=said, of_rest=said))
 
 
 def doubted(log_ratio: Array, wrong: float) -> Array:

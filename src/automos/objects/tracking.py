@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +21,7 @@ from automos.objects.judge import is_scenery, judge_tracks, moving_now
 from automos.objects.object_points import tracks_of_points
 from automos.objects.paper.verdict import judge_by_trajectory, with_speed_as_state
 from automos.objects.places import Places, count_places, held_places, touched_columns
-from automos.objects.terms import SegmentTerms, each_for_itself, segment_terms
+from automos.objects.terms import Segments, SegmentTerms, each_for_itself, segment_terms
 from automos.objects.tracker import can_follow, track_objects
 from automos.objects.tracks import Tracks, observed, of_rows, of_tracks
 from automos.objects.verdict import Verdicts
@@ -79,13 +78,18 @@ def follow_and_judge(scans: Scans, settings: Settings, workers: int) -> TrackedO
         return TrackedObjects(with_speed_as_state(tracks), judge_by_trajectory(tracks, tracking.verdict))
     if not can_follow(stamps):
         detections = (of_scan[np.zeros(0, np.int64)] for of_scan in detections)
-    seen = _Seen([], [], [])
-    followed = zip(stamps, map(seen.add, detections), strict=True)
-    tracks, parts = _bodies(scans, track_objects(followed, tracking), seen, workers)
-    verdicts = _judged(tracks, seen, stamps)
-    kept = ~is_scenery(tracks, verdicts.is_moving, seen.has_stayed)
+    seen: list[SegmentTerms] = []  # little is kept of each scan once it is tracked, as recordings are long
+
+    def noted(found: Detections) -> Detections:
+        seen.append(segment_terms(found))
+        return found
+
+    followed = zip(stamps, map(noted, detections), strict=True)
+    tracks, parts, segments = _bodies(scans, track_objects(followed, tracking), seen, workers)
+    verdicts = _judged(tracks, segments, stamps)
+    kept = ~is_scenery(tracks, verdicts.is_moving, segments)
     enough = ENOUGH * min(1.0, 0.5 * np.ptp(stamps)) if len(stamps) else 0.0  # less in a short recording
-    is_scrap = verdicts.is_moving & is_small(parts, len(tracks), seen.n_points, stamps, enough)
+    is_scrap = verdicts.is_moving & is_small(parts, len(tracks), segments, stamps, enough)
     is_sure = is_scrap & (verdicts.confidence >= SCRAP)
     scraps = of_tracks(parts, is_sure)
     scraps = replace(scraps, p_moving=verdicts[is_sure].confidence[scraps.track])
@@ -97,44 +101,22 @@ def follow_and_judge(scans: Scans, settings: Settings, workers: int) -> TrackedO
     return TrackedObjects(tracks, verdicts, places, parts, scraps)
 
 
-class _Seen(NamedTuple):
-    """What is kept of the segments of each scan, once they are tracked: little, as recordings are long."""
-
-    terms: list[SegmentTerms]
-    n_points: list[npt.NDArray[np.float32]]
-    has_stayed: list[Mask]
-
-    def add(self, found: Detections) -> Detections:
-        """Keep what is needed of the segments of the next scan; return them."""
-        self.terms.append(segment_terms(found))
-        self.n_points.append(found.n_points.astype(np.float32))
-        self.has_stayed.append(found.has_stayed)
-        return found
-
-    @property
-    def evidence(self) -> list[Array]:
-        """See `SegmentTerms`."""
-        return [of_scan.evidence for of_scan in self.terms]
-
-
-def _judged(tracks: Tracks, seen: _Seen, stamps: Array) -> Verdicts:
+def _judged(tracks: Tracks, segments: Segments, stamps: Array) -> Verdicts:
     """Return the verdicts on all tracks; on some at a time, as what is smoothed for it is larger than the tracks."""
     first, at_once = np.append(tracks.first_rows(), len(tracks.track)), math.isqrt(len(tracks))
-    found = [judge_tracks(tracks[:0], [], stamps)]
+    found = [judge_tracks(tracks[:0], segments, stamps)]
     for k in range(0, len(tracks), at_once or 1):
         some = tracks[first[k] : first[min(k + at_once, len(tracks))]]
-        begin, end = some.scan.min(), some.scan.max() + 1
-        some = replace(some, track=some.track - k, scan=some.scan - begin)
-        found.append(judge_tracks(some, seen.terms[begin:end], stamps[begin:end]))
+        found.append(judge_tracks(replace(some, track=some.track - k), segments, stamps))
     return Verdicts.concatenate(found)
 
 
-def is_small(parts: Tracks, n: int, n_points: Sequence[npt.NDArray], stamps: Array, enough: float) -> Mask:
+def is_small(parts: Tracks, n: int, segments: Segments, stamps: Array, enough: float) -> Mask:
     """Return (T,) which of `n` tracks have less than `enough` points times seconds in every sight without a break.
 
-    parts : all segments of the tracks, sorted by track, then scan.   n_points : by scan, of all segments.
+    parts : all segments of the tracks, sorted by track, then scan.
     """
-    of_parts = np.nan_to_num(of_rows(parts, n_points))
+    of_parts = segments.terms.n_points[segments.of(parts)]
     first = parts.first_of_sights()
     last = np.append(first[1:], len(parts.track))[: len(first)] - 1
     sight = np.repeat(np.arange(len(first)), last + 1 - first)
@@ -143,25 +125,28 @@ def is_small(parts: Tracks, n: int, n_points: Sequence[npt.NDArray], stamps: Arr
     return ~np.isin(np.arange(n), parts.track[first[is_enough]])
 
 
-def _bodies(scans: Scans, tracks: Tracks, seen: _Seen, workers: int) -> tuple[Tracks, Tracks]:
-    """Return the rows of bodies, of the tracklets `tracks` that are one thing, and those of all their parts.
+def _bodies(scans: Scans, tracks: Tracks, seen: list[SegmentTerms], workers: int) -> tuple[Tracks, Tracks, Segments]:
+    """Return the rows of bodies, of the tracklets `tracks` that are one thing, those of all their parts, and `seen`.
 
     Scenery that has to do with no body is left out.
     """
-    stamps = scans.frames.stamps
-    seen.terms[:] = each_for_itself(seen.terms, tracks)
-    tracks = cut_where_two(tracks, _judged(tracks, seen, stamps).is_moving, of_rows(tracks, seen.evidence), stamps)
-    is_moving = _judged(tracks, seen, stamps).is_moving
+    segments = each_for_itself(Segments.of_scans(seen), tracks)
+    seen.clear()
+    stamps, terms = scans.frames.stamps, segments.terms
+    is_moving, evidence = _judged(tracks, segments, stamps).is_moving, of_rows(segments.of(tracks), terms.evidence)
+    tracks = cut_where_two(tracks, is_moving, evidence, stamps)
+    is_moving = _judged(tracks, segments, stamps).is_moving
     _make_whole(scans, tracks, tracks, is_moving, workers)
-    n_points = np.nan_to_num(of_rows(tracks, seen.n_points))
+    evidence, n_points = (of_rows(segments.of(tracks), column) for column in (terms.evidence, terms.n_points))
+    n_points = np.nan_to_num(n_points)
     owner = parts_of_bodies(tracks, is_moving, np.bincount(tracks.track, n_points, len(tracks)))
     is_whole = np.bincount(tracks.track, owner == tracks.track, len(tracks)) > 0
-    ends, beginnings = links_in_time(tracks, is_moving, is_whole, of_rows(tracks, seen.evidence), stamps)
-    kept = ~is_scenery(tracks, is_moving, seen.has_stayed)
+    ends, beginnings = links_in_time(tracks, is_moving, is_whole, evidence, stamps)
+    kept = ~is_scenery(tracks, is_moving, segments)
     kept[np.concatenate([ends, beginnings, tracks.track[owner != tracks.track]])] = True
     number, rows = np.cumsum(kept) - 1, kept[tracks.track]
     tracks = of_tracks(tracks, kept)
-    return joined(tracks, number[owner[rows]], number[ends], number[beginnings], n_points[rows])
+    return *joined(tracks, number[owner[rows]], number[ends], number[beginnings], n_points[rows]), segments
 
 
 def _make_whole(scans: Scans, tracks: Tracks, parts: Tracks, is_moving: Mask, workers: int) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from itertools import chain
 
@@ -111,8 +111,6 @@ def of_tracks(tracks: Tracks, is_kept: npt.NDArray[np.bool_]) -> Tracks:
     return replace(kept, track=(np.cumsum(is_kept) - 1)[kept.track])
 
 
-def of_rows(tracks: Tracks, per_scan: Sequence[npt.NDArray]) -> npt.NDArray:
-    """Return (R, ...) what `per_scan` says of the segment of each row, NaN where there is none."""
-    begins = np.cumsum([0, *(len(of_scan) for of_scan in per_scan)])
-    nothing = np.full((1, *per_scan[0].shape[1:]), np.nan)
-    return np.concatenate([*per_scan, nothing])[np.where(tracks.is_observed, begins[tracks.scan] + tracks.segment, -1)]
+def of_rows(segment: npt.NDArray[np.int64], column: npt.NDArray) -> npt.NDArray:
+    """Return (R, ...) what `column` (M, ...) says of the segment of each row (R,), NaN where that is -1."""
+    return np.concatenate([column, np.full((1, *column.shape[1:]), np.nan)])[segment]

@@ -19,7 +19,7 @@ from automos.core.upright_boxes import Boxes
 from automos.objects.detections import Detections
 from automos.objects.extents import boxed_intervals, make_whole
 from automos.objects.judge import Past, is_scenery, judge_tracks, moving_now, past_of
-from automos.objects.terms import SegmentTerms, each_for_itself, segment_terms
+from automos.objects.terms import Segments, SegmentTerms, each_for_itself, segment_terms
 from automos.objects.tracker import Tracker, can_follow, until_last_seen
 from automos.objects.tracking import ENOUGH, SCRAP, is_small
 from automos.objects.tracks import Tracks, observed, of_rows
@@ -110,39 +110,39 @@ class Following:
         scan = int(np.flatnonzero(stamps == stamp)[0])
         is_followed = can_follow(stamps)
         tracks, numbers = _through(steps, scan)
-        detections = [step.found.segments for step in steps]
-        terms, nothing = each_for_itself([step.terms for step in steps], tracks), (-np.inf, 0.0, 0.0)
+        segments, nothing = (
+            each_for_itself(Segments.of_scans([step.terms for step in steps]), tracks),
+            (-np.inf, 0.0, 0.0),
+        )
         past = Past(*np.array([self._past.get(k, nothing) for k in numbers.tolist()]).reshape(-1, len(nothing)).T)
-        verdicts = self._judged(tracks, steps, terms, stamps, stamps > stamp - RECENT, past)
-        self._forget(tracks, numbers, terms, stamps, past)
+        verdicts = self._judged(tracks, segments, stamps, stamps > stamp - RECENT, past)
+        self._forget(tracks, numbers, segments, stamps, past)
         if not is_followed:
             verdicts = replace(verdicts, verdict=np.full_like(verdicts.verdict, Verdict.STATIC))
-        kept = ~is_scenery(tracks, verdicts.is_moving, [found.has_stayed for found in detections])
+        kept = ~is_scenery(tracks, verdicts.is_moving, segments)
         rows = np.flatnonzero((tracks.scan == scan) & kept[tracks.track])
-        _make_whole(tracks, verdicts.is_moving, steps, stamps)
+        _make_whole(tracks, verdicts.is_moving, steps, segments, stamps)
         return Followed(moving_now(tracks, verdicts, stamps)[rows], verdicts, numbers, is_followed)
 
     def _judged(
         self,
         tracks: Tracks,
-        steps: list[_Step],
-        terms: list[SegmentTerms],
+        segments: Segments,
         stamps: npt.NDArray[np.float64],
         is_recent: npt.NDArray[np.bool_],
         past: Past,
     ) -> Verdicts:
         """Return the verdicts on the tracks, moving for those that have moved in their life or in the last second."""
-        of_life = judge_tracks(tracks, terms, stamps, past)
+        of_life = judge_tracks(tracks, segments, stamps, past)
         # What was seen half as well as a body may be one, seen so far; its pose and evidence may soon change.
         # At the start everything is young, and nothing can be said of what was there before.
-        n_points = [step.found.segments.n_points for step in steps]
-        is_young = is_small(observed(tracks), len(tracks), n_points, stamps, 0.5 * ENOUGH)
+        is_young = is_small(observed(tracks), len(tracks), segments, stamps, 0.5 * ENOUGH)
         is_unsure = is_young & (of_life.confidence < SCRAP)
         is_new = tracks.scan[tracks.first_rows()] > 0
         of_life = _not_moving(of_life, of_life.is_moving & is_unsure & is_new)
         late = is_recent[tracks.scan]
         n_seen = [np.bincount(tracks.track, part & tracks.is_observed, len(tracks)) for part in (late, ~late)]
-        lately = judge_tracks(tracks[np.flatnonzero(late)], terms, stamps, Past.nothing(len(tracks)))
+        lately = judge_tracks(tracks[np.flatnonzero(late)], segments, stamps, Past.nothing(len(tracks)))
         sets_off = lately.is_moving & (np.minimum(*n_seen) >= FEW) & ~of_life.is_moving
         return Verdicts(
             np.where(sets_off, lately.verdict, of_life.verdict),
@@ -154,14 +154,14 @@ class Following:
         self,
         tracks: Tracks,
         numbers: npt.NDArray[np.int64],
-        terms: list[SegmentTerms],
+        segments: Segments,
         stamps: npt.NDArray[np.float64],
         past: Past,
     ) -> None:
         """Drop scans that are too old, but for what they say of the tracks."""
         is_over = stamps < self._steps[-1].found.stamp - self._memory
         if is_over.any():
-            past = past_of(tracks, terms, stamps, past, is_over)
+            past = past_of(tracks, segments, stamps, past, is_over)
             alive = {*self._tracker.numbers.tolist(), *numbers.tolist()}
             self._past = {number: about for number, about in self._past.items() if number in alive}
             about = np.column_stack([past.stamp, past.p_moving, past.p_ever])
@@ -182,13 +182,15 @@ def _next_step(tracker: Tracker, found: Found) -> _Step:
     return _Step(found, tracker.step(found.stamp, found.segments), segment_terms(found.segments, found.is_far))
 
 
-def _make_whole(tracks: Tracks, is_moving: Mask, steps: list[_Step], stamps: npt.NDArray[np.float64]) -> None:
+def _make_whole(
+    tracks: Tracks, is_moving: Mask, steps: list[_Step], segments: Segments, stamps: npt.NDArray[np.float64]
+) -> None:
     """Give what moves whole boxes, in place, from the boxes of the segments: of points there are none any more."""
-    columns = [step.found.segments.boxes.to_arrays() for step in steps]
+    boxes = Boxes.concatenate([step.found.segments.boxes for step in steps])
     origin = np.array([step.found.origin for step in steps])
 
     def own(body: Tracks) -> Boxes:
-        return Boxes(*(of_rows(body, [of_scan[name] for of_scan in columns]) for name in columns[0]))
+        return Boxes(*(of_rows(segments.of(body), column) for column in boxes.to_arrays().values()))
 
     make_whole(tracks, is_moving, stamps, own, partial(boxed_intervals, origin=origin))
 
@@ -196,10 +198,13 @@ def _make_whole(tracks: Tracks, is_moving: Mask, steps: list[_Step], stamps: npt
 def _through(steps: list[_Step], scan: int) -> tuple[Tracks, npt.NDArray[np.int64]]:
     """Return all rows of the tracks present in step number `scan`, and the number of each track (T,)."""
     wanted = np.unique(steps[scan].rows.track)
-    rows = Tracks.concatenate(
-        [replace(step.rows, scan=np.full_like(step.rows.scan, k)) for k, step in enumerate(steps)]
-    )
-    rows = rows[np.isin(rows.track, wanted)]
-    tracks = until_last_seen(replace(rows, track=np.searchsorted(wanted, rows.track)))
+    tables = [step.rows for step in steps]
+    track = np.concatenate([table.track for table in tables])
+    of_scan = np.repeat(np.arange(len(tables)), [len(table.track) for table in tables])
+    rows = np.flatnonzero(np.isin(track, wanted))
+    rows = rows[np.argsort(track[rows], kind="stable")]  # by scan they are sorted
+    columns = ([getattr(table, name) for table in tables] for name in ("segment", "center", "size", "yaw", "velocity"))
+    track = np.searchsorted(wanted, track[rows])
+    tracks = until_last_seen(Tracks(track, of_scan[rows], *(np.concatenate(column)[rows] for column in columns)))
     is_there = np.bincount(tracks.track, minlength=len(wanted)) > 0
     return replace(tracks, track=(np.cumsum(is_there) - 1)[tracks.track]), wanted[is_there]
