@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from automos.core.arrays import evenly_spread
 from automos.core.geometry import Array, inverse
+from automos.core.range_image import RangeImage
 from automos.core.scan import Frames, Mask
 from automos.evidence.look_through import look_through, tolerances_of
 from automos.evidence.observations import Seen, View, learn_lidars, look
@@ -28,6 +29,7 @@ from automos.settings import CandidatesSettings, FreeSpaceSettings
 
 Rows = npt.NDArray[np.int64]
 Net = npt.NDArray[np.float32]
+_Look = tuple[npt.NDArray[np.float32], RangeImage]
 PATTERN_SCANS = 5  # of which the beams are learnt
 _PARTS, _PART = 4, 6000  # most parts of a scan for threads, and least points in a part, which pay for its overhead
 SPAN_TOLERANCE = 0.25  # share of a span by which the time of the asked scan may be off
@@ -130,15 +132,23 @@ def ask(
         n_parts = 1 if pool is None else max(min(_PARTS, len(heights) // _PART), 1)
         bounds = np.linspace(0, len(heights), n_parts + 1).astype(int)
         parts = [slice(a, b) for a, b in pairwise(bounds)]
-        asked = (map if pool is None else pool.map)(partial(_ask_part, view, heights, others, offsets, settings), parts)
+        looked = [_looks_into(view, other) for other in others]
+        asked = (map if pool is None else pool.map)(partial(_ask_part, view, heights, looked, offsets, settings), parts)
         of_view = np.zeros(len(view.is_object), np.float32)
         of_view[view.is_object] = np.concatenate(list(asked))
         net[view.rows] = of_view
     return net
 
 
+def _looks_into(mine: View, other: Seen) -> list[_Look]:
+    """Return the images of another scan with the (3, 4) transforms into them from a view of `mine`."""
+    T_level_others = np.array([view.T_level_sensor for view in other.views]).reshape(-1, 4, 4)
+    T_others_mine = (inverse(T_level_others) @ mine.T_level_sensor)[:, :3].astype(np.float32)
+    return [(T, view.image) for T, view in zip(T_others_mine, other.views, strict=True)]
+
+
 def _ask_part(
-    mine: View, heights: Net, others: list[Seen], offsets: Array, settings: FreeSpaceSettings, part: slice
+    mine: View, heights: Net, others: list[list[_Look]], offsets: Array, settings: FreeSpaceSettings, part: slice
 ) -> Net:
     """Return (K,) the evidence for a `part` of a view's object points; `heights` are those of all object points."""
     points = np.ascontiguousarray(mine.objects[:, part])
@@ -149,23 +159,22 @@ def _ask_part(
     first = {int(np.argmin(np.abs(offsets - span))) for span in (*thirds, *-thirds) if others}
     votes = np.zeros((len(others), len(trusts)), np.int8)
     for k in first:
-        votes[k] = _vote(mine, points, about, others[k], settings)
+        votes[k] = _vote(points, about, others[k], settings)
     # Most points are hit by every scan that sees them, so the remaining scans need not report on those.
     ids = np.flatnonzero((votes.max(axis=0, initial=0) > 0) | (count_hits(votes) < SURE_HITS))
     points, about = np.take(points, ids, axis=1), [np.take(column, ids) for column in about]
     for k in set(range(len(others))) - first:
-        votes[k, ids] = _vote(mine, points, about, others[k], settings)
+        votes[k, ids] = _vote(points, about, others[k], settings)
     # However few were asked: what all of them hit weighs as much as one that saw through.
     return sum_votes(votes, int(np.searchsorted(offsets, 0.0)), max(settings.stay_weight, 1.0 / max(len(others), 1)))
 
 
 def _vote(
-    mine: View, points: npt.NDArray[np.float32], about: list[npt.NDArray], other: Seen, settings: FreeSpaceSettings
+    points: npt.NDArray[np.float32], about: list[npt.NDArray], other: list[_Look], settings: FreeSpaceSettings
 ) -> Votes:
     """Return (K,) the vote of another scan on `points` (3, K) of a view; for `about` see `weigh_looks`."""
-    votes = []
-    for view in other.views:
-        T = (inverse(view.T_level_sensor) @ mine.T_level_sensor)[:3].astype(np.float32)
-        looks = look_through(points, T, view.image, tolerances_of(settings))
-        votes.append(weigh_looks(*looks, *about, np.float32(view.image.pattern.row_height)))
+    votes, tolerances = [], tolerances_of(settings)
+    for T, image in other:
+        looks = look_through(points, T, image, tolerances)
+        votes.append(weigh_looks(*looks, *about, np.float32(image.pattern.row_height)))
     return reduce(lambda a, b: np.where(np.minimum(a, b) < 0, np.minimum(a, b), np.maximum(a, b)), votes)

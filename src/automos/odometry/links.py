@@ -114,15 +114,15 @@ class Links:
         inside = range(first, max(last - half, first + 1))
         centers = np.array([c for c in inside if c % every == 0 or c == half] or [first])
         lags = [sign * max(round(lag / window.period), 1) for lag in self.about.lags for sign in (-1, 1)]
-        position, links = window.T_world_sensor[:, :3, 3], set()
-        for i in range(first, last) if scans is None else scans:
-            for lag in lags:
-                center = int(centers[np.argmin(np.abs(centers - (i + lag)))])
-                is_there = abs(center - (i + lag)) <= every or i + lag < first
-                is_near = np.linalg.norm(position[center - first] - position[i - first]) < self.about.max_distance
-                if is_there and is_near and abs(center - i) > half:
-                    links.add((i, center))
-        return sorted(links)
+        scan = np.array(range(first, last) if scans is None else list(scans))[:, None]
+        wanted = scan + np.array(lags)
+        center = centers[np.argmin(np.abs(centers[:, None, None] - wanted), axis=0)]
+        is_there = (np.abs(center - wanted) <= every) | (wanted < first)
+        position = window.T_world_sensor[:, :3, 3]
+        off = position[center - first] - position[scan - first]
+        is_near = np.sqrt((off**2).sum(axis=-1)) < self.about.max_distance
+        kept = is_there & is_near & (np.abs(center - scan) > half)
+        return sorted(set(zip((scan + 0 * center)[kept].tolist(), center[kept].tolist(), strict=True)))
 
     def half_width(self, window: Window) -> int:
         """Return the number of scans on either side of a submap's middle scan."""
@@ -132,7 +132,7 @@ class Links:
         """Return the fit of each of `links`, to first order where poses have hardly changed since the last one."""
         T, each = window.T_world_sensor, self._each
         centers = sorted({center for _, center in links})
-        submaps = dict(zip(centers, each(partial(self._submap, window), centers), strict=True))
+        submaps = dict(zip(centers, self._submaps_at(window, centers), strict=True))
         ids = np.array(links, int).reshape(-1, 2) - window.first
         T_center_scan = inverse(T[ids[:, 1]]) @ T[ids[:, 0]]
         made = [self._fits.get(link, _NO_FIT) for link in links]
@@ -159,14 +159,23 @@ class Links:
         kept = zip(fitted.values(), made, change, strict=True)
         return [new.fit.moved(c) if new is old else new.fit for new, old, c in kept]
 
-    def _submap(self, window: Window, center: int) -> Submap:
-        half, at, T = self.half_width(window), center - window.first, window.T_world_sensor
-        around = slice(max(at - half, 0), at + half + 1)
-        parts = inverse(T[at]) @ T[around]
-        made = self._submaps.get(center)
-        if made is None or len(made[0]) < len(parts) or is_moved(made[0][-len(parts) :], parts).any():
-            made = self._submaps[center] = parts, make_submap(window.surfels[around], parts)
-        return made[1]
+    def _submaps_at(self, window: Window, centers: list[int]) -> list[Submap]:
+        """Return the submaps about the scans `centers`, made anew where the poses of their parts have changed."""
+        half, T = self.half_width(window), window.T_world_sensor
+        at = np.array(centers, int) - window.first
+        around = [slice(max(k - half, 0), k + half + 1) for k in at.tolist()]
+        parts = [T_center @ T[part] for T_center, part in zip(inverse(T[at]), around, strict=True)]
+        todo = [k for k, center in enumerate(centers) if self._is_other(center, parts[k])]
+        made = self._each(lambda k: make_submap(window.surfels[around[k]], parts[k]), todo)
+        self._submaps.update({centers[k]: (parts[k], submap) for k, submap in zip(todo, made, strict=True)})
+        return [self._submaps[center][1] for center in centers]
+
+    def _is_other(self, center: int, parts: Pose) -> bool:
+        """Whether the submap about scan `center` was not made of these `parts` (P, 4, 4)."""
+        if center not in self._submaps:
+            return True
+        then = self._submaps[center][0]
+        return len(then) < len(parts) or bool(is_moved(then[-len(parts) :], parts).any())
 
 
 def share_close(fits: list[Fit]) -> float:

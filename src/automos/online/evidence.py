@@ -49,9 +49,11 @@ class EvidenceWindow:
 
     def place(self, poses: dict[float, Pose]) -> None:
         """Move the scans of which `poses` gives a refined (4, 4) T_level_sensor, by stamp."""
-        for scan in self._scans:
-            if (T := poses.get(scan.stamp)) is not None:
-                scan.seen, scan.T_level_sensor = scan.seen.moved(T @ inverse(scan.T_level_sensor)), T
+        scans = [scan for scan in self._scans if scan.stamp in poses]
+        T_now = np.array([poses[scan.stamp] for scan in scans]).reshape(-1, 4, 4)
+        T_before = np.array([scan.T_level_sensor for scan in scans]).reshape(-1, 4, 4)
+        for scan, T, change in zip(scans, T_now, T_now @ inverse(T_before), strict=True):
+            scan.seen, scan.T_level_sensor = scan.seen.moved(change), T
 
     def comparison(self, stamp: float, mine: Seen) -> Callable[[ThreadPoolExecutor | None], npt.NDArray[np.float32]]:
         """Return a function that compares the scan at `stamp`, with observations `mine`, with all scans held now.
