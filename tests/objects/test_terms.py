@@ -81,6 +81,15 @@ def test_who_passes_a_parked_car_says_nothing_of_it():
     assert found.terms.evidence[[0, 2, 3]].tolist() == seen.terms.evidence[[0, 2, 3]].tolist()
 
 
+def test_of_several_pieces_those_that_are_things_of_their_own_are_left_out():
+    both = segments((1000, 500, 500), (300, 300, 0), (200, 200, 0), part_of=[-1, 0, 0])
+    seen = Segments.of_scans([segment_terms(found) for found in (segments((300, 300, 0)), both)] * 2)
+    walker = [(1, 0, 0), (1, 1, 1), (1, 2, 0)]
+    found = each_for_itself(seen, tracks((0, 1, 0), *walker, (2, 1, 2), (2, 3, 2)))
+    assert found.terms.evidence[1] == pytest.approx(said((700, 200, 500)))
+    assert found.terms.evidence[5] == pytest.approx(said((1000, 500, 500)))
+
+
 def test_an_edge_that_is_nothing_but_a_piece_speaks_for_its_whole():
     seen = Segments.of_scans([segment_terms(found) for found in (PASSED, PASSED)])
     found = each_for_itself(seen, tracks((0, 0, 0), (0, 1, 0), (1, 0, 1), (1, 1, 1)))

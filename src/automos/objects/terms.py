@@ -40,17 +40,17 @@ class SegmentTerms(ColumnData):
     ----------
     faces : (M, 4) float64, metres: the centre along x and y, and the heights of the lower and of the upper face.
     evidence : (M,) float64, log-likelihood ratio of the points, moved against stayed, plus that of being a body.
-    of_rest : (M,) float64, the same without the points of the pieces that were cut out of it.
+    counts : (M, 3) float32, numbers of all its points, of those that have moved and of those that have stayed.
+    is_asked : (M,) bool, whether scans a second or more away were asked.
     part_of : (M,) int, the segment that it was cut out of, -1 for none.
-    n_points : (M,) float32, number of its points.
     has_stayed : (M,) bool, see `Detections`.
     """
 
     faces: Array
     evidence: Array
-    of_rest: Array
+    counts: npt.NDArray[np.float32]
+    is_asked: npt.NDArray[np.bool_]
     part_of: npt.NDArray[np.integer]
-    n_points: npt.NDArray[np.float32]
     has_stayed: npt.NDArray[np.bool_]
 
 
@@ -95,12 +95,11 @@ def segment_terms(found: Detections, is_asked: bool = True) -> SegmentTerms:
     x, y, z = found.boxes.center.T
     half = 0.5 * found.boxes.size[:, 2]
     says = is_asked | (found.n_moving + found.n_static > 0.0)
-    pieces, counts = found[np.flatnonzero(found.part_of >= 0)], ("n_points", "n_moving", "n_static")
-    cut = {name: np.bincount(pieces.part_of, getattr(pieces, name), len(found)) for name in counts}
-    rest = replace(found, **{name: getattr(found, name) - of_pieces for name, of_pieces in cut.items()})
-    evidence, of_rest = (says * (BODY + of_bodies + doubted(_evidence(of, is_asked), WRONG)) for of in (found, rest))
-    faces, n_points = np.stack([x, y, z - half, z + half], axis=-1), found.n_points.astype(np.float32)
-    return SegmentTerms(faces, evidence, of_rest, found.part_of, n_points, found.has_stayed)
+    counts = np.stack([found.n_points, found.n_moving, found.n_static], axis=-1)
+    asked = np.full(len(found), is_asked)
+    evidence = says * (BODY + of_bodies + _evidence(counts, asked))
+    faces = np.stack([x, y, z - half, z + half], axis=-1)
+    return SegmentTerms(faces, evidence, counts.astype(np.float32), asked, found.part_of, found.has_stayed)
 
 
 def each_for_itself(segments: Segments, tracks: Tracks) -> Segments:
@@ -109,14 +108,17 @@ def each_for_itself(segments: Segments, tracks: Tracks) -> Segments:
     A piece is a thing of its own if its track is no piece in most of its scans, as who passes a parked car closely. The
     moved edges of a lorry are never anything else.
     """
-    terms = segments.terms
-    whole = np.append(terms.part_of, -1)[segments.of(tracks)]
-    n_seen, n_as_piece = (np.bincount(tracks.track, rows, len(tracks)) for rows in (tracks.is_observed, whole >= 0))
+    terms, segment = segments.terms, segments.of(tracks)
+    is_piece = np.append(terms.part_of, -1)[segment] >= 0
+    n_seen, n_as_piece = (np.bincount(tracks.track, rows, len(tracks)) for rows in (tracks.is_observed, is_piece))
     is_own = n_as_piece < 0.5 * n_seen
-    is_lent = np.zeros(len(terms), np.bool_)
-    is_lent[whole[(whole >= 0) & is_own[tracks.track]]] = True
-    said = np.where(is_lent, terms.of_rest, terms.evidence)
-    return replace(segments, terms=replace(terms, evidence=said, of_rest=said))
+    pieces = segment[is_piece & is_own[tracks.track]]
+    wholes, of_piece = np.unique(terms.part_of[pieces], return_inverse=True)
+    lent, counts = np.zeros((len(wholes), 3)), terms.counts[wholes].astype(np.float64)
+    np.add.at(lent, of_piece, terms.counts[pieces])
+    evidence, asked = terms.evidence.copy(), terms.is_asked[wholes]
+    evidence[wholes] += _evidence(counts - lent, asked) - _evidence(counts, asked)
+    return replace(segments, terms=replace(terms, evidence=evidence))
 
 
 def doubted(log_ratio: Array, wrong: float) -> Array:
@@ -126,12 +128,15 @@ def doubted(log_ratio: Array, wrong: float) -> Array:
     return np.logaddexp(sure + log_ratio, doubt) - np.logaddexp(sure, doubt + log_ratio)
 
 
-def _evidence(found: Detections, is_asked: bool) -> Array:
-    """Return (M,) the log-likelihood ratio of each segment, moved against stayed, from the counts of its points."""
-    known = found.n_moving + found.n_static
-    unknown = np.maximum(found.n_points - known, 0.0)
-    counts = np.stack([found.n_moving, found.n_static, unknown][: 3 if is_asked else 2], axis=-1)
-    return _log_dirichlet(counts, MOVED) - _log_dirichlet(counts, STAYED)
+def _evidence(counts: Array, is_asked: npt.NDArray[np.bool_]) -> Array:
+    """Return (M,) the log-likelihood ratio of segments, moved against stayed, from the `counts` (M, 3) of their points.
+
+    See `SegmentTerms`. Where others were not asked, unknown points say nothing.
+    """
+    n, n_moving, n_static = counts.T
+    parts = np.stack([n_moving, n_static, np.maximum(n - n_moving - n_static, 0.0)], axis=-1)
+    of_all, of_known = (_log_dirichlet(some, MOVED) - _log_dirichlet(some, STAYED) for some in (parts, parts[:, :2]))
+    return doubted(np.where(is_asked, of_all, of_known), WRONG)
 
 
 def _log_dirichlet(counts: Array, distribution: tuple[float, ...]) -> Array:

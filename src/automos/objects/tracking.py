@@ -116,7 +116,7 @@ def is_small(parts: Tracks, n: int, segments: Segments, stamps: Array, enough: f
 
     parts : all segments of the tracks, sorted by track, then scan.
     """
-    of_parts = segments.terms.n_points[segments.of(parts)]
+    of_parts = segments.terms.counts[segments.of(parts), 0]
     first = parts.first_of_sights()
     last = np.append(first[1:], len(parts.track))[: len(first)] - 1
     sight = np.repeat(np.arange(len(first)), last + 1 - first)
@@ -137,7 +137,7 @@ def _bodies(scans: Scans, tracks: Tracks, seen: list[SegmentTerms], workers: int
     tracks = cut_where_two(tracks, is_moving, evidence, stamps)
     is_moving = _judged(tracks, segments, stamps).is_moving
     _make_whole(scans, tracks, tracks, is_moving, workers)
-    evidence, n_points = (of_rows(segments.of(tracks), column) for column in (terms.evidence, terms.n_points))
+    evidence, n_points = (of_rows(segments.of(tracks), column) for column in (terms.evidence, terms.counts[:, 0]))
     n_points = np.nan_to_num(n_points)
     owner = parts_of_bodies(tracks, is_moving, np.bincount(tracks.track, n_points, len(tracks)))
     is_whole = np.bincount(tracks.track, owner == tracks.track, len(tracks)) > 0
