@@ -66,6 +66,22 @@ def test_what_stood_and_drives_off_is_one_unless_its_place_was_never_free():
     assert len(departure(-2.5)) == 2
 
 
+def appearing(x_after):
+    """Return the tracks left of a tram that comes out from behind something at 10 m/s and is lost for three scans."""
+    before, after = np.arange(20), np.arange(23, 40)
+    length = np.concatenate([1.0 + before, np.full(len(after), 24.0)])
+    scans = np.concatenate([before, after])
+    front = np.concatenate([1.0 * before, x_after + 1.0 * (after - 23)])
+    rows = track(0, scans, front - 0.5 * length, velocity=(10.0, 0.0))
+    rows.size[:, 0] = length
+    return cut_where_two(rows, np.array([True]), np.full(len(scans), 2.0), TIMES)
+
+
+def test_what_comes_out_from_behind_something_goes_on_where_its_front_does():
+    assert len(appearing(23.0)) == 1  # its centre stood at 9.5 m, and sets off with 10 m/s
+    assert len(appearing(40.0)) == 2
+
+
 def test_no_tracks_are_no_bodies():
     none = track(0, np.zeros(0, int), 0.0)
     bodies, parts = body_of(none, np.zeros(0, bool), np.zeros(0))

@@ -102,22 +102,40 @@ def cut_where_two(tracks: Tracks, is_moving: Mask, evidence: Array, times: Array
     evidence : (R,) log-likelihood ratio of each row, moved against stayed; NaN where it was missed.
     times : (N,) seconds of the scans.
 
+    Of a body that comes out from behind something one end is where it seems to be, and its centre is not: it goes on if
+    its centre does, or either end.
+
     Equation: link
     """
     at = np.flatnonzero(tracks.is_observed & is_moving[tracks.track])
     seen, t = tracks[at], times[tracks.scan[at]]
     first = seen.first_of_sights()
     bounds = np.append(first, len(t))
-    position, velocity, _ = smooth_paths(bounds, t, seen.center)
-    seen = replace(seen, center=position, velocity=velocity)
     goes_on = np.flatnonzero(seen.track[first[1:]] == seen.track[first[1:] - 1]) + 1
     rows = first[goes_on]
-    score = _link_score(seen, rows - 1, rows, t[rows] - t[rows - 1])
+    gap, to_end, scores = t[rows] - t[rows - 1], _to_ends(seen), []
+    for side in (-1.0, 0.0, 1.0):
+        position, velocity, variance = smooth_paths(bounds, t, seen.center + side * to_end)
+        at_side = replace(seen, center=position, velocity=velocity)
+        scores.append(_link_score(at_side, rows - 1, rows, gap, variance, side != 0.0))
+    score = np.max(scores, axis=0)
     about = evidence[at]
     score += _log_moved(about, t, bounds, bounds[1:] - 1)[goes_on - 1] + _log_moved(about, t, bounds, first)[goes_on]
     is_cut = np.diff(tracks.track, prepend=-1) > 0
     is_cut[at[rows[score <= 0.0]]] = True
     return until_last_seen(replace(tracks, track=np.cumsum(is_cut) - 1))
+
+
+def _to_ends(tracks: Tracks) -> Array:
+    """Return (R, 3) metres from the centre of each box to its end in the direction of its track's way."""
+    first = tracks.first_rows()
+    n = np.diff(np.append(first, len(tracks.track)))
+    way = tracks.center[first + n - 1] - tracks.center[first]
+    angle = np.repeat(np.arctan2(way[:, 1], way[:, 0]), n)
+    c, s = np.cos(angle), np.sin(angle)
+    turn = tracks.yaw - angle
+    half = 0.5 * (np.abs(np.cos(turn)) * tracks.size[:, 0] + np.abs(np.sin(turn)) * tracks.size[:, 1])
+    return np.stack([c * half, s * half, 0.0 * half], axis=-1)
 
 
 def _log_moved(evidence: Array, times: Array, first: Rows, at: Rows) -> Array:
@@ -201,19 +219,29 @@ def _overlapping(tracks: Tracks, first: Rows, last: Rows) -> Iterator[tuple[Rows
         yield a[goes_on], b[goes_on], old[j][goes_on]
 
 
-def _link_score(tracks: Tracks, last: Rows, first: Rows, gap: Array) -> Array:
-    """Return (K,) the log-likelihood ratio of one body against two: ends at rows `last`, beginnings at `first`."""
+def _link_score(
+    tracks: Tracks, last: Rows, first: Rows, gap: Array, variance: Array | None = None, is_end: bool = False
+) -> Array:
+    """Return (K,) the log-likelihood ratio of one body against two: ends at rows `last`, beginnings at `first`.
+
+    variance : (R,) (m/s)^2 of the rows' velocities; they are known where it is not given.
+    is_end : whether the places are those of a body's end, which does not depend on how much of it is seen.
+    """
     offset = tracks.center[first] - tracks.center[last]
     v0, v1 = tracks.velocity[last, :2], tracks.velocity[first, :2]
+    s0, s1 = (0.0 * gap if variance is None else variance[rows] for rows in (last, first))
     # The mean of both velocities carries a body over the gap; half of the gap's acceleration is free at either end.
-    off = offset[:, :2] - 0.5 * gap[:, None] * (v0 + v1)
-    extent = 0.5 * np.minimum(tracks.size[last, :2].max(axis=1), tracks.size[first, :2].max(axis=1))
-    place = NOISE**2 + (0.5 * extent) ** 2 + ACCELERATION**2 * gap**3 / 12.0
     change = ACCELERATION**2 * (gap + 1.0)
-    squared = (off**2).sum(axis=1) / place + ((v1 - v0) ** 2).sum(axis=1) / change
+    either = s0 + s1 + change
+    weight = ((s1 + 0.5 * change) / either)[:, None]
+    off = offset[:, :2] - gap[:, None] * (weight * v0 + (1.0 - weight) * v1)
+    of_mean = (s0 * s1 + 0.25 * (s0 + s1) * change) / either
+    extent = 0.0 if is_end else 0.5 * np.minimum(tracks.size[last, :2].max(axis=1), tracks.size[first, :2].max(axis=1))
+    place = NOISE**2 + (0.5 * extent) ** 2 + ACCELERATION**2 * gap**3 / 12.0 + gap**2 * of_mean
+    squared = (off**2).sum(axis=1) / place + ((v1 - v0) ** 2).sum(axis=1) / either
     before, after = (np.sort(np.maximum(tracks.size[rows], LEAST_SIDE), axis=1) for rows in (last, first))
     growth = np.abs(np.log(before / after)).max(axis=1)
-    density = -0.5 * squared - np.log(2.0 * np.pi * place) - np.log(2.0 * np.pi * change) - growth**2
+    density = -0.5 * squared - np.log(2.0 * np.pi * place) - np.log(2.0 * np.pi * either) - growth**2
     is_possible = (squared < 2.0 * REACH**2) & (np.abs(offset[:, 2]) < tracks.size[last, 2] + NOISE)
     return np.where(is_possible, density - np.log(BIRTHS), -np.inf)
 

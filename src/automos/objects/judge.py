@@ -79,11 +79,10 @@ def judge_tracks(tracks: Tracks, segments: Segments, stamps: Array, past: Past |
     ----------
     segments : Segments of all scans.
     stamps : (N,) float64, seconds.
-    past : of each track, if they are judged while more scans come: those of the first look share it, and the way does
-        not count, as it is not over.
+    past : of each track, if they are judged while more scans come: the way does not count, as it is not over.
     """
     known = Past.nothing(len(tracks)) if past is None else past
-    first, times, ratio, scatter, displaced = _weighted(tracks, segments, stamps, known, past is not None)
+    first, times, ratio, scatter, displaced = _weighted(tracks, segments, stamps, known)
     _, p_ever = state_probabilities(first, times, ratio, *known.before(first, times), BEGIN, END)
     if past is None:
         p_ever = expit(logit(p_ever) + DISPLACED * displaced + LEFT)
@@ -95,7 +94,7 @@ def judge_tracks(tracks: Tracks, segments: Segments, stamps: Array, past: Past |
 
 def past_of(tracks: Tracks, segments: Segments, stamps: Array, past: Past, is_over: Mask) -> Past:
     """Return the `past` of tracks once the scans `is_over` (N,), the first ones, belong to it; see `judge_tracks`."""
-    first, times, ratio, *_ = _weighted(tracks, segments, stamps, past, True)
+    first, times, ratio, *_ = _weighted(tracks, segments, stamps, past)
     over = np.concatenate([[0], np.cumsum(is_over[tracks.scan[tracks.is_observed]])])[first]
     rows = np.flatnonzero(is_over[tracks.scan[tracks.is_observed]])
     times, ratio = times[rows], ratio[rows]
@@ -107,7 +106,7 @@ def past_of(tracks: Tracks, segments: Segments, stamps: Array, past: Past, is_ov
 
 
 def _weighted(
-    tracks: Tracks, segments: Segments, stamps: Array, past: Past, is_going_on: bool
+    tracks: Tracks, segments: Segments, stamps: Array, past: Past
 ) -> tuple[npt.NDArray[np.int64], Array, Array, Array, Array]:
     """Return the first observation of each track (T + 1,), times (R,) and log-likelihood ratios (R,) of all.
 
@@ -120,8 +119,7 @@ def _weighted(
     scatter, unsteady, displaced = path_terms(first, times, said.faces)
     ratio = said.evidence + np.repeat(UNSTEADY * unsteady, np.diff(first))
     worth = looks(first, times, since=past.stamp)
-    if is_going_on:
-        share_first_looks(worth, first, times, np.isinf(past.stamp))
+    share_first_looks(worth, first, times, np.isinf(past.stamp))
     return first, times, ratio * worth, scatter, displaced
 
 

@@ -27,7 +27,7 @@ def looks(first: npt.NDArray[np.int64], times: Array, look: float = LOOK, since:
 def share_first_looks(worth, first, times, is_new):  # type: ignore[no-untyped-def]
     """Share the looks within the first one of new tracks (T,) evenly among its observations, in place.
 
-    What has just come into sight is judged by all scans since, as later ones do not outweigh its first one yet.
+    Of a look no scan says more than another, and of what comes into sight the first scan knows least.
     """
     for k in np.flatnonzero(is_new):
         begin = stop = first[k]
