@@ -1,5 +1,7 @@
 """Drivers that publish parts of a turn: they are joined to whole ones, and what is no part is left alone."""
 
+import re
+
 import numpy as np
 import pytest
 from bags import cloud, write_bag
@@ -53,13 +55,13 @@ def write(path, drive, rows_of_parts, times, jitter=0.0, end=False):
 def test_parts_of_a_turn_are_joined_to_whole_ones(tmp_path, drive, parts, begin, times):
     rows = parts_of(drive, parts, begin)
     sequence = open_sequence(write(tmp_path / "log.mcap", drive, rows, times, end=parts == 36))
-    assert len(sequence) == N_TURNS
+    assert len(sequence) == N_TURNS  # half a part at the begin goes with the first
     assert any(f"holds a part of a turn; {parts} of them are joined" in words for words in sequence.warnings)
     np.testing.assert_allclose(np.diff(sequence.stamps), 0.1, atol=0.1 / parts)
     scans = list(sequence)
     np.testing.assert_array_equal(np.concatenate([scan.points[:, 0] for scan in scans]), drive["x"])
     np.testing.assert_array_equal(np.concatenate([scan.intensity for scan in scans]), drive["intensity"])
-    if times != "none" and not (times == "since the turn began" and begin):
+    if times != "none" and not (times == "since the turn began" and begin):  # that runs backwards in each
         starts = np.cumsum([0, *map(len, scans)])
         for scan, first, last in zip(scans, starts[:-1], starts[1:], strict=True):
             true = drive["time"][first:last]
@@ -125,3 +127,11 @@ def test_a_column_that_a_part_lacks_is_left_out_and_a_part_without_points_has_no
     ones = np.ones(2, np.float32)
     whole = joined([{"x": ones, "ring": ones}, {"x": ones[:0]}, {"x": ones}], None, None)
     assert {name: len(column) for name, column in whole.items()} == {"x": 4}
+
+
+def test_a_folder_with_a_file_for_each_part_is_told(tmp_path, drive):
+    for k, rows in enumerate(parts_of(drive, 10)):
+        columns = [drive[name][rows] for name in ("x", "y", "z", "intensity")]
+        np.column_stack(columns).astype("<f4").tofile(tmp_path / f"{k:06d}.bin")
+    (said,) = (words for words in open_sequence(tmp_path).warnings if "part of a turn" in words)
+    assert re.search(r"and (9\.\d|10|10\.\d) of them a whole one; each is labelled as a scan", said), said

@@ -14,7 +14,7 @@ from automos.readers.columns import Columns, coordinates
 from automos.readers.packets.decode import Decoder, make_decoder
 from automos.readers.packets.messages import as_datagrams, read_packets, rows_of_scans
 from automos.readers.point_cloud2 import EMPTY, points_counted
-from automos.readers.point_times import PointTimes, judge_times
+from automos.readers.point_times import judge_times
 from automos.readers.time_order import usual_step
 from automos.readers.turns import Parts, joined, parts_in_a_turn, places_in_time
 
@@ -34,7 +34,8 @@ class TopicMessages:
         self._bag, self._topic, self._where = bag, topic, where
         self._is_packets, self._is_ros2 = topic.kind in bag_messages.PACKETS, topic.encoding == "cdr"
         self.rows, self.is_joined = bag.index(topic), False
-        self._every, self._times = self.rows, PointTimes()
+        self._every = self.rows
+        self._unit: float | None = None
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -76,7 +77,7 @@ class TopicMessages:
         if parts < 2.0:
             return stamps, []
         fullest = [self.columns(index) for index in np.argsort(-self.sizes, kind="stable")[:3].tolist()]
-        self._times = judge_times(fullest, self._where, usual_step(stamps))
+        self._unit = judge_times(fullest, self._where, usual_step(stamps)).unit
         first = np.flatnonzero(np.diff(places // parts, prepend=-1.0))
         found = {}
         for part in np.split(np.arange(len(self)), first[1:]):
@@ -95,7 +96,7 @@ class TopicMessages:
                 packets = (packet for row in parts.rows for packet in self._packets(row))
                 return self._decoder.columns(as_datagrams(packets, self._decoder.layout.size, where))
             read = [bag_messages.read_message(self._bag.read(row), self._topic, where) for row in parts.rows]
-            return read[0] if len(read) == 1 else joined(read, parts.since, self._times)
+            return read[0] if len(read) == 1 else joined(read, parts.since, self._unit)
 
     def digest(self, index: int) -> int:
         """Return a number that scans share if they hold the same points, whatever their time; EMPTY if none."""

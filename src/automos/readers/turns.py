@@ -5,15 +5,17 @@ looks forward, or all round, looks where it looked before.
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.errors import InputError
 from automos.core.scan import MIN_RANGE
 from automos.readers.column_names import is_time
 from automos.readers.columns import Columns, time_column
-from automos.readers.point_times import PointTimes
 
 _SECTORS, _MOST = 72, 40
 """Directions that are told apart, and how many of them a part of a turn looks in at most: little more than half."""
@@ -51,7 +53,7 @@ def parts_in_a_turn(points: Callable[[int], npt.NDArray], places: npt.NDArray[np
     places : (n,) of each cloud in time, as `places_in_time` returns them.
     """
     n = len(places)
-    start = n // 2 if n > 2 * _MOST_PARTS else 0
+    start = n // 2 if n > 2 * _MOST_PARTS else min(1, n - 1)  # the first may be less than a part
     ahead, at, seen = [], [], []
     way, place = np.zeros(1), np.zeros(1)
     for index in range(start, min(n, start + _MOST_PARTS)):
@@ -76,10 +78,24 @@ def parts_in_a_turn(points: Callable[[int], npt.NDArray], places: npt.NDArray[np
     return float(round(parts)) if abs(parts - round(parts)) <= _WHOLE else parts
 
 
+def parts_said(
+    points: Callable[[int], npt.NDArray], stamps: npt.NDArray[np.float64] | None, n: int, where: Path
+) -> list[str]:
+    """Return what to say where each of `n` files holds a part of a turn, which has labels of its own; else nothing."""
+    with suppress(InputError):  # reported when the scan itself is read
+        parts = parts_in_a_turn(points, places_in_time(stamps, n))
+        if parts >= 2.0:
+            return [
+                f"{where}: a file holds a part of a turn, and {parts:.3g} of them a whole one; each is labelled as a "
+                "scan, which finds little. Write a file for each turn."
+            ]
+    return []
+
+
 def _way(ahead: npt.NDArray, at: npt.NDArray, least: float) -> tuple[npt.NDArray, npt.NDArray]:
     """Return how far (n,) clouds that look `ahead` (complex) have turned since the first, rad, and their places since.
 
-    None where they do not turn by `least` from a place to the next, or not steadily.
+    Both are empty where they do not turn by `least` from a place to the next, or not steadily.
     """
     apart = np.diff(at)
     steps = np.diff(np.angle(ahead))
@@ -92,23 +108,24 @@ def _way(ahead: npt.NDArray, at: npt.NDArray, least: float) -> tuple[npt.NDArray
     return np.concatenate([[0.0], np.cumsum(apart * usual + off)]), (at - at[0]).astype(np.float64)
 
 
-def joined(parts: Sequence[Columns], since: npt.NDArray[np.float64] | None, times: PointTimes) -> Columns:
+def joined(parts: Sequence[Columns], since: npt.NDArray[np.float64] | None, unit: float | None) -> Columns:
     """Return the columns of several parts of a scan as those of one, in their order.
 
     Parameters
     ----------
     parts, since : the columns of each, and the seconds of each after the first.
-    times : how the points' times are to be read within a part; those that begin anew in each are put behind each other.
+    unit : seconds per count of the points' times, None where they have none of use; those that begin anew in each part
+        are put behind each other.
     """
-    full = [part for part in parts if len(next(iter(part.values()), ()))] or parts[:1]
-    names = [name for name in full[0] if all(name in part for part in full)]
-    if since is None or times.unit is None or times.is_absolute:
-        return {name: np.concatenate([part[name] for part in full]) for name in names}
-    whole = {name: np.concatenate([part[name] for part in full]) for name in names if not is_time(name)}
-    begins = [seconds for part, seconds in zip(parts, since, strict=True) if any(part is one for one in full)]
-    own = [(time_column(part), len(next(iter(part.values())))) for part in full]
-    seconds = [
-        np.full(n, np.nan) if column is None else times.unit * column.astype(np.float64) + begin
-        for (column, n), begin in zip(own, begins, strict=True)
-    ]
-    return {**whole, "t": np.concatenate(seconds)}
+    full = [k for k, part in enumerate(parts) if len(next(iter(part.values()), ()))] or [0]
+    names = [name for name in parts[full[0]] if all(name in parts[k] for k in full)]
+    whole = {name: np.concatenate([parts[k][name] for k in full]) for name in names}
+    known = [time_column(parts[k]) for k in full]
+    if since is None or unit is None or any(column is None for column in known):
+        return whole
+    seconds = [unit * column.astype(np.float64) for column in known if column is not None]
+    spans, begins = [float(np.ptp(one)) for one in seconds], [float(one.min()) for one in seconds]
+    if np.median(np.abs(np.diff(begins))) > 0.5 * np.median(spans):  # they go on from part to part
+        return whole
+    behind = np.concatenate([one + since[k] for k, one in zip(full, seconds, strict=True)])
+    return {**{name: column for name, column in whole.items() if not is_time(name)}, "t": behind}
