@@ -83,12 +83,9 @@ def parts_said(
 ) -> list[str]:
     """Return what to say where each of `n` files holds a part of a turn, which has labels of its own; else nothing."""
     with suppress(InputError):  # reported when the scan itself is read
-        parts = parts_in_a_turn(points, places_in_time(stamps, n))
-        if parts >= 2.0:
-            return [
-                f"{where}: a file holds a part of a turn, and {parts:.3g} of them a whole one; each is labelled as a "
-                "scan, which finds little. Write a file for each turn."
-            ]
+        if parts_in_a_turn(points, places_in_time(stamps, n)) >= 2.0:
+            said = "a file holds a part of a turn and is labelled as a scan of its own, which finds little"
+            return [f"{where}: {said}; write a file for each turn."]
     return []
 
 
