@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 pytest.importorskip("rosbags")
+pytest.importorskip("mcap")
+from mcap.writer import Writer as McapWriter
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
@@ -87,6 +89,19 @@ def write_bag(path, topics, compress=False, frames=None, joints=()):
         next(folder.glob(f"*{path.suffix}")).rename(path)
         (folder / "metadata.yaml").unlink()
         folder.rmdir()
+    return path
+
+
+def write_mcap(path, messages, schema, encoding, profile="", topic="/points", beside=(), **options):
+    """Write messages of one topic, and `beside` it (topic, schema, encoding, messages) others."""
+    with path.open("wb") as file:
+        writer = McapWriter(file, **options)
+        writer.start(profile, "test")
+        for name, of, packed, every in [*beside, (topic, schema, encoding, messages)]:
+            channel = writer.register_channel(name, packed, writer.register_schema(*of))
+            for at, raw in every:
+                writer.add_message(channel, at, raw, at)
+        writer.finish()
     return path
 
 

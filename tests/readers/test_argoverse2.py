@@ -10,6 +10,7 @@ from automos.core.errors import InputError, MissingExtraError
 from automos.core.geometry import inverse, make_transform, transform
 from automos.readers import open_sequence
 from automos.readers.box_truth import DrawnTruth
+from automos.views.checking import check
 
 pyarrow = pytest.importorskip("pyarrow")
 feather = pytest.importorskip("pyarrow.feather")
@@ -202,6 +203,9 @@ def test_the_published_sample_is_read_with_its_own_dynamic_flags_as_truth(av2_sa
     calibration = sequence._T_ego_sensor
     T_ego1_ego0 = calibration @ inverse(sequence.reference_poses[1]) @ inverse(calibration)
     np.testing.assert_allclose(T_ego1_ego0, moved, atol=2e-3)
+    (found,) = check(av2_sample)
+    what = "2 scans, Argoverse 2 Sensor log, about 64 beams all round, 10.0 scans a second"
+    assert found.first_line == f"{found.name} can be labelled, with 1 doubt: {what}"
 
 
 @pytest.mark.recordings

@@ -6,7 +6,7 @@ import struct
 
 import numpy as np
 import pytest
-from bags import _message, cloud, columns_of
+from bags import _message, cloud, columns_of, write_mcap
 from street_log import assert_same_points, street_log
 
 from automos.core.errors import InputError
@@ -15,7 +15,6 @@ from automos.readers import open_sequence
 pytest.importorskip("rosbags")
 pytest.importorskip("mcap")
 from mcap.writer import CompressionType, IndexType
-from mcap.writer import Writer as McapWriter
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 ROS1, ROS2 = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.ROS2_HUMBLE)
@@ -28,19 +27,6 @@ def ros_messages(log, is_ros1, **options):
         message = _message(ROS1 if is_ros1 else ROS2, float(scan.stamp), cloud(columns_of(scan), **options), is_ros1)
         raw = ROS1.serialize_ros1(message, KIND) if is_ros1 else ROS2.serialize_cdr(message, KIND)
         yield int(nanoseconds), bytes(raw)
-
-
-def write(path, messages, schema, encoding, profile="", topic="/points", beside=(), **options):
-    """Write messages of one topic, and `beside` it (topic, schema, encoding, messages) others."""
-    with path.open("wb") as file:
-        writer = McapWriter(file, **options)
-        writer.start(profile, "test")
-        for name, of, packed, every in [*beside, (topic, schema, encoding, messages)]:
-            channel = writer.register_channel(name, packed, writer.register_schema(*of))
-            for at, raw in every:
-                writer.add_message(channel, at, raw, at)
-        writer.finish()
-    return path
 
 
 def assert_is_the_log(sequence, log, atol=0):
@@ -59,7 +45,7 @@ def test_clouds_of_ros_are_read_by_their_well_known_definition(tmp_path, profile
     right = (ROS1 if is_ros1 else ROS2).generate_msgdef(KIND, ros_version=1 if is_ros1 else 2)[0]
     text = (right if definition == "right" else definition).encode()
     schema = ("sensor_msgs/PointCloud2", "ros1msg", text) if is_ros1 else (KIND, "ros2msg", text)
-    path = write(
+    path = write_mcap(
         tmp_path / "log.mcap", ros_messages(log, is_ros1), schema, "ros1" if is_ros1 else "cdr", profile, "/a/b"
     )
     assert_is_the_log(open_sequence(path), log)
@@ -70,7 +56,7 @@ def test_clouds_of_ros_are_read_by_their_well_known_definition(tmp_path, profile
 def test_chunks_may_be_of_any_size_compressed_or_none(tmp_path, compression, chunk):
     log = street_log()
     options = {"compression": compression, **chunk}
-    path = write(tmp_path / "log.mcap", ros_messages(log, False), (KIND, "ros2msg", b""), "cdr", "ros2", **options)
+    path = write_mcap(tmp_path / "log.mcap", ros_messages(log, False), (KIND, "ros2msg", b""), "cdr", "ros2", **options)
     assert_is_the_log(open_sequence(path), log)
 
 
@@ -86,14 +72,14 @@ def test_a_file_without_any_index_is_read(tmp_path, compression):
         "use_statistics": False,
         "use_summary_offsets": False,
     }
-    path = write(tmp_path / "log.mcap", ros_messages(log, False), (KIND, "ros2msg", b""), "cdr", "ros2", **options)
+    path = write_mcap(tmp_path / "log.mcap", ros_messages(log, False), (KIND, "ros2msg", b""), "cdr", "ros2", **options)
     assert_is_the_log(open_sequence(path), log)
 
 
 def test_topics_that_only_their_first_chunk_names_are_found(tmp_path):
     log = street_log()
     options = {"repeat_channels": False, "repeat_schemas": False, "chunk_size": 1}
-    path = write(tmp_path / "log.mcap", ros_messages(log, False), (KIND, "ros2msg", b""), "cdr", "ros2", **options)
+    path = write_mcap(tmp_path / "log.mcap", ros_messages(log, False), (KIND, "ros2msg", b""), "cdr", "ros2", **options)
     assert_is_the_log(open_sequence(path), log)
 
 
@@ -186,7 +172,7 @@ def test_foxgloves_clouds_are_read_without_their_definition(tmp_path, case, gap)
         codes = {1: 2, 2: 1, 3: 4, 4: 3, 5: 6, 6: 5, 7: 7, 8: 8}  # of PointCloud2 in Foxglove's counting
         parts.fields = [(name, at, codes[code]) for name, at, code in parts.fields]
         messages.append((nanoseconds, make(scan, parts, nanoseconds, order)))
-    sequence = open_sequence(write(tmp_path / "log.mcap", messages, schema, encoding))
+    sequence = open_sequence(write_mcap(tmp_path / "log.mcap", messages, schema, encoding))
     assert sequence.frame_id == "lidar"
     assert_is_the_log(sequence, log)
 
@@ -197,7 +183,7 @@ def test_foxgloves_types_may_be_names_and_unknown_ones_are_told(tmp_path):
     for kind, is_known in (("FLOAT32", True), (7, True), ("FLOAT128", False), (12, False)):
         parts.fields = [(name, at, kind) for name, at, _ in parts.fields]
         raw = as_json(scan, parts, 10**18, USUAL)
-        path = write(tmp_path / "log.mcap", [(0, raw)], ("foxglove.PointCloud", "jsonschema", b""), "json")
+        path = write_mcap(tmp_path / "log.mcap", [(0, raw)], ("foxglove.PointCloud", "jsonschema", b""), "json")
         if is_known:
             np.testing.assert_array_equal(open_sequence(path)[0].points, scan.points)
         else:
@@ -216,7 +202,7 @@ def test_the_old_message_of_ros_with_named_channels_is_read(tmp_path):
     message = kind[name](kind["std_msgs/msg/Header"](0, time, "laser"), points, channels)
     raw = bytes(ROS1.serialize_ros1(message, name))
     sequence = open_sequence(
-        write(tmp_path / "log.mcap", [(0, raw)], ("sensor_msgs/PointCloud", "ros1msg", b""), "ros1")
+        write_mcap(tmp_path / "log.mcap", [(0, raw)], ("sensor_msgs/PointCloud", "ros1msg", b""), "ros1")
     )
     assert (sequence.stamps.tolist(), sequence.frame_id) == ([1_700_000_000.5], "laser")
     assert sequence[0].points.tolist() == [[1, 2, 3], [4, 2, 3]]
@@ -247,7 +233,7 @@ def test_a_chunk_that_grows_beyond_all_clouds_is_told_before_it_is_unpacked(tmp_
 
 def test_a_chunk_that_is_listed_twice_is_there_once(tmp_path):
     log = street_log()
-    path = write(tmp_path / "log.mcap", ros_messages(log, False), (KIND, "ros2msg", b""), "cdr", "ros2")
+    path = write_mcap(tmp_path / "log.mcap", ros_messages(log, False), (KIND, "ros2msg", b""), "cdr", "ros2")
     raw = path.read_bytes()
     summary = struct.unpack("<Q", raw[-28:-20])[0]
     at = summary
@@ -263,7 +249,7 @@ def test_clouds_of_hostile_sizes_are_told(tmp_path, height_width):
     parts = cloud({axis: np.ones(4, "f4") for axis in "xyz"}, gap=0)
     parts.height, parts.width = height_width
     raw = ROS2.serialize_cdr(_message(ROS2, 1.0, parts, False), KIND)
-    path = write(tmp_path / "log.mcap", [(0, bytes(raw))], (KIND, "ros2msg", b""), "cdr")
+    path = write_mcap(tmp_path / "log.mcap", [(0, bytes(raw))], (KIND, "ros2msg", b""), "cdr")
     with pytest.raises(InputError, match=r"scan 0 is cut short: 48 bytes for"):
         open_sequence(path)
 
@@ -276,11 +262,11 @@ PACKETS = (
 
 
 def test_other_encodings_and_packets_of_other_makers_are_named(tmp_path):
-    path = write(tmp_path / "a.mcap", [(0, b"123")], ("foxglove.PointCloud", "flatbuffer", b""), "flatbuffer")
+    path = write_mcap(tmp_path / "a.mcap", [(0, b"123")], ("foxglove.PointCloud", "flatbuffer", b""), "flatbuffer")
     with pytest.raises(InputError, match=r"topics are: /points \(foxglove.PointCloud, flatbuffer\)"):
         open_sequence(path)
     for kind in PACKETS:
-        path = write(tmp_path / "a.mcap", [(0, b"1234")], (kind, "ros2msg", b""), "cdr", topic="/packets")
+        path = write_mcap(tmp_path / "a.mcap", [(0, b"1234")], (kind, "ros2msg", b""), "cdr", topic="/packets")
         with pytest.raises(InputError, match=r"compressed clouds \(/packets .*driver and record"):
             open_sequence(path)
 

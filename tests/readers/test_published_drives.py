@@ -221,6 +221,13 @@ def write_pandaset(folder, log, is_old=True):
     return folder
 
 
+@pytest.mark.parametrize("name", ["poses.json", "timestamps.json"])
+def test_a_drive_of_pandaset_without_its_poses_or_times_is_told_which_file_it_lacks(tmp_path, name):
+    (write_pandaset(tmp_path / "001", street_log()) / "lidar" / name).unlink()
+    with pytest.raises(InputError, match=rf"001/lidar/{name} cannot be read: No such file"):
+        open_sequence(tmp_path / "001")
+
+
 @pytest.mark.parametrize("is_old", [True, False])
 def test_a_drive_of_pandaset_is_taken_back_into_the_frame_of_its_sensor(tmp_path, is_old):
     log = street_log()

@@ -6,8 +6,9 @@ import zipfile
 
 import numpy as np
 import pytest
-from bags import cloud, write_bag
+from bags import _message, cloud, write_bag, write_mcap
 from point_writers import write_pcd, write_points
+from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 from sweeps import moved, points_of, pose, sweep
 from typer.testing import CliRunner
@@ -17,6 +18,7 @@ from automos.core.errors import AutomosError
 from automos.readers import bag_messages, codecs, folder, open_sequence
 from automos.views.checking import LOOKS, check
 
+KIND = "sensor_msgs/msg/PointCloud2"
 FAR = pose(100.0, -140.2, 220.7, -3.1)
 DRIVE = [pose(x=0.5 * i) for i in range(12)]
 
@@ -132,6 +134,27 @@ def cut(folder):
     return folder
 
 
+def as_mcap(path, scans, is_ros1, profile="", text=b""):
+    """Write the clouds with a definition and a profile as converters and data platforms leave them."""
+    name, _, kind = KIND.partition("msg/") if is_ros1 else (KIND, "", "")
+    schema = (name + kind, "ros1msg" if is_ros1 else "ros2msg", text)
+    types = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_HUMBLE)
+    pack = types.serialize_ros1 if is_ros1 else types.serialize_cdr
+    clouds = [(at, bytes(pack(_message(types, seconds, one, is_ros1), KIND))) for at, seconds, one in messages(scans)]
+    return write_mcap(path, clouds, schema, "ros1" if is_ros1 else "cdr", profile)
+
+
+def in_parts(path, scans):
+    """Write a bag with a message for each tenth of a turn."""
+    tenths = [
+        (10**8 + 10**7 * (10 * i + k), 0.1 + 0.01 * (10 * i + k), cloud({name: c[rows] for name, c in one.items()}))
+        for i, one in enumerate(scans)
+        for k, rows in enumerate(np.array_split(np.argsort(one["time"], kind="stable"), 10))
+    ]
+    return write_bag(path, {"/points": tenths})
+
+
+OF_MCAP = "drive can be labelled: 12 scans, a bag, .mcap with /points, 16 beams all round, 10.0 scans a second"
 ALL = ("x", "y", "z", "intensity", "ring", "time")
 CASES = {
     "kitti": (
@@ -226,6 +249,16 @@ CASES = {
     "bag without the name of its storage": (
         lambda f, scans: without_storage(write_bag(f, {"/points": messages(scans)})),
         "drive can be labelled: 12 scans, a bag, .mcap with /points, 16 beams all round, 10.0 scans a second",
+    ),
+    "mcap of ROS 1": (lambda f, scans: as_mcap(f.with_suffix(".mcap"), scans, True, "ros1"), OF_MCAP),
+    "mcap without profile": (lambda f, scans: as_mcap(f.with_suffix(".mcap"), scans, False), OF_MCAP),
+    "mcap with a stub of a definition": (
+        lambda f, scans: as_mcap(f.with_suffix(".mcap"), scans, False, "ros2", KIND.encode()),
+        OF_MCAP,
+    ),
+    "parts of turns": (
+        lambda f, scans: in_parts(f.with_suffix(".bag"), scans),
+        "drive can be labelled, with 1 doubt: 12 scans, a bag, .bag with /points, 16 beams all round, 10.0 scans a",
     ),
     "angles": (write_angles, "drive cannot be labelled: {} holds ranges and angles, as it seems"),
     **{

@@ -2,7 +2,6 @@
 
 import contextlib
 import hashlib
-import logging
 from functools import cached_property, lru_cache
 from pathlib import Path
 
@@ -31,9 +30,8 @@ from automos.readers.seen_order import put_in_seen_order
 from automos.readers.sensor_place import find_frame, frame_said, read_viewpoints
 from automos.readers.time_order import put_in_order, usual_step
 from automos.readers.times_beside import read_times, times_file
+from automos.readers.turns import parts_said
 from automos.readers.units import unit_of
-
-logger = logging.getLogger(__name__)
 
 
 def find(path: Path) -> list[Path]:
@@ -81,6 +79,7 @@ class FolderSequence(Sequence):
         self._names = [self._names[i] for i in self._order]
         self._viewpoints, self._surplus = read_viewpoints(self.paths, self.codec)
         self._T_file_sensor = self._find_frame()
+        self._warnings += parts_said(self._raw_points, self._stamps, len(self), self._folder)
         del self._read
         columns = f"The files have no header; their points are read as --columns {self.columns}."
         frame = "The clouds are in the frame of a map; the poses that came with them took them back."

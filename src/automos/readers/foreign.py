@@ -20,13 +20,13 @@ from automos.core.errors import InputError
 from automos.core.working_folder import OURS
 
 PATIENCE = 60.0
-"""Seconds that a call may take, and as many more as its file is read at `SLOWEST`."""
+"""Seconds of a core that a call may take, and as many more as its file is read at `SLOWEST`."""
 SLOWEST = 2e6
 """Bytes per second."""
 GRACE = 10.0
 """Seconds from the interruption until the process is ended."""
 TICK = 1.0
-"""Seconds between looks; a process that was stopped for a while is not taken for one that was busy."""
+"""Seconds between looks."""
 
 
 SENTENCE = "{} keeps its reader busy without end; it is damaged: copy it again"
@@ -107,13 +107,14 @@ if hasattr(os, "register_at_fork"):
 
 
 def _look() -> None:
-    before = time.monotonic()
+    before = time.monotonic(), time.process_time()
     while True:
         time.sleep(TICK)
-        now = time.monotonic()
+        now = time.monotonic(), time.process_time()
         with _gate:
             for thread, call in _calls.items():
-                call.left -= min(now - before, 2.0 * TICK)
+                # one that waits for a core, or was stopped for a while, is not taken for one that was busy
+                call.left -= min(now[0] - before[0], now[1] - before[1])
                 if call.left < 0.0:
                     call.is_interrupted = True
                     interrupt = ctypes.c_ulong(thread), ctypes.py_object(TookTooLongError)

@@ -75,7 +75,9 @@ def _columns(packed: bytes) -> Columns:
 
 
 def _is_recording(path: Path) -> bool:
-    return is_there(path / "lidar" / "poses.json") and is_there(path / "lidar" / "timestamps.json")
+    lidar = path / "lidar"
+    has_both = is_there(lidar / "poses.json") and is_there(lidar / "timestamps.json")
+    return has_both or any(lidar.glob("[!.]*.pkl.gz"))  # what is absent is named when it is read
 
 
 class PandasetSequence(ListedSequence):

@@ -3,7 +3,6 @@
 from contextlib import suppress
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,19 +11,17 @@ from automos.core.errors import InputError
 from automos.core.geometry import inverse, transform
 from automos.core.pose_files import read_poses
 from automos.core.scan import Mask, Pose, Scan, Sequence
-from automos.readers import bag_messages
 from automos.readers.bag import Bag, name_of, reported, split_address
 from automos.readers.bag_topics import choose_topic, is_named_world, odometry_frames
 from automos.readers.bag_transforms import Joint, joints_of, poses_in
 from automos.readers.columns import Columns, coordinates, time_column, to_scan
 from automos.readers.listed import digest_of_files
-from automos.readers.packets.decode import Decoder, make_decoder
-from automos.readers.packets.messages import as_datagrams, read_packets, rows_of_scans
-from automos.readers.point_cloud2 import EMPTY, points_counted
+from automos.readers.point_cloud2 import EMPTY
 from automos.readers.point_times import judge_times
 from automos.readers.sensor_place import find_frame, frame_said
 from automos.readers.stamped_poses import truth_beside
 from automos.readers.time_order import count_unset, put_in_order
+from automos.readers.topic_messages import TopicMessages
 from automos.readers.units import unit_of
 
 
@@ -34,7 +31,6 @@ class RosbagSequence(Sequence):
     Attributes
     ----------
     topic, bag : where they are.
-    rows : (len, 4) int64, of each scan the row of the bag's index that its message has; see `Bag.index`.
     """
 
     source: Path
@@ -53,14 +49,13 @@ class RosbagSequence(Sequence):
         with reported(self.source):
             self.bag = Bag(self.source)
             self.topic, said = choose_topic(self.bag, wanted)
-            self.rows = self.bag.index(self.topic)
-            if len(self.rows) == 0:
+            self._messages = TopicMessages(self.bag, self.topic, self._where())
+            if len(self._messages) == 0:
                 raise InputError(
                     f"{self.source} has no messages on topic {self.topic.name}; record it again or give another topic"
                 )
-            self._group()
-            heads = [self._head(row) for row in self.rows]
-            self._sizes = np.array([self.bag.size(row) for row in self.rows])
+            n_messages = self._messages.group()
+            heads = self._messages.heads()
             self.frame_id = heads[0][1]
             frames = sorted({frame.strip("/") for _, frame in heads} - {""})
             if len(frames) > 1:
@@ -70,23 +65,25 @@ class RosbagSequence(Sequence):
                 )
             self.name = name_of(self.source) + ("" if wanted is None else "_" + wanted.replace("/", "_"))
             self._warnings = [*self.bag.faults, *said, *self._put_in_order(np.array([stamp for stamp, _ in heads]))]
+            self._stamps, said = self._messages.join(self._stamps)
+            self._warnings += said
             self._T_frame_sensor: Pose | None = None
             self._T_frame_sensor = self._find_sensor()
             counted = self.bag.counted(self.topic)
-            if counted > len(self):
-                lost = f"{self._where()} holds {len(self)} of the {counted} messages that its bag counts"
+            if counted > n_messages:
+                lost = f"{self._where()} holds {n_messages} of the {counted} messages that its bag counts"
                 self._warnings.append(f"{lost}; it was cut or damaged")
             self.bag.keep(self.topic)
         gap = float(np.median(np.diff(self._stamps))) if self._stamps is not None and len(self) > 2 else None
         # of all scans alike: one of few points may not show it
-        fullest = int(np.argmax(self._sizes))
+        fullest = int(np.argmax(self._messages.sizes))
         columns = self._columns(fullest)
         self._point_times = judge_times([columns], self._where(), gap)
         self._unit = 1.0
         with suppress(InputError):  # reported when the scan itself is read
             self._unit, said = unit_of(coordinates(columns, self._where()))
             self._warnings += said
-        n_counted, n = self._points_counted(fullest), len(next(iter(columns.values()), ()))
+        n_counted, n = self._messages.points_counted(fullest), len(next(iter(columns.values()), ()))
         if n_counted is not None and n_counted < n:
             self._warnings.append(
                 f"{self._where()}: headers count {n_counted} of {n} points in the data; all are read."
@@ -98,7 +95,7 @@ class RosbagSequence(Sequence):
         return self._address
 
     def __len__(self) -> int:
-        return len(self.rows)
+        return len(self._messages)
 
     def __getitem__(self, index: int) -> Scan:
         index = self._scan_number(index)
@@ -111,6 +108,16 @@ class RosbagSequence(Sequence):
     def stamps(self) -> npt.NDArray[np.float64] | None:
         """(len,) seconds, of the messages' headers; of their recording where the headers have none."""
         return self._stamps
+
+    @property
+    def rows(self) -> npt.NDArray[np.int64]:
+        """(len, 4) of each scan the row of the bag's index that its message has, or the first of its messages."""
+        return self._messages.rows
+
+    @property
+    def is_joined(self) -> bool:
+        """Whether scans are joined of several messages."""
+        return self._messages.is_joined
 
     @property
     def about(self) -> dict[str, str]:
@@ -134,15 +141,16 @@ class RosbagSequence(Sequence):
     @property
     def warnings(self) -> list[str]:
         """What is wrong with the number and the order of the messages and the times of their points."""
-        said = self._decoder.warnings if self.topic.kind in bag_messages.PACKETS else ()
-        return [*self._warnings, *self._point_times.warnings, *said]
+        return [*self._warnings, *self._point_times.warnings, *self._messages.warnings]
 
     @cached_property
     def repeats(self) -> Mask:
         """(len,) bool: messages with the points of the one before; those without points are none."""
         repeats = np.zeros(len(self), bool)
-        digest = cache(self._digest)
-        for i in (np.flatnonzero(np.diff(self._sizes) == 0) + 1).tolist():  # of another size, it holds something else
+        digest = cache(self._messages.digest)
+        for i in (
+            np.flatnonzero(np.diff(self._messages.sizes) == 0) + 1
+        ).tolist():  # of another size, it holds something else
             repeats[i] = digest(i - 1) == digest(i) != EMPTY
         return repeats
 
@@ -150,57 +158,17 @@ class RosbagSequence(Sequence):
         """Return a text that changes when the bag's files do, or the topic."""
         return f"{super().fingerprint()}:{self.topic.name}:{digest_of_files(self.bag.paths)}"
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {key: value for key, value in self.__dict__.items() if key != "_decoder"}
-
     def mounts(self) -> list[Joint]:
         """Return the transforms that /tf_static holds."""
         with reported(self.source):
             return list(joints_of(Bag(self.source), "/tf_static"))
 
-    # ---------------------------------------------------------------------------------------------------- messages
-    def _head(self, row: npt.NDArray[np.int64]) -> tuple[float, str]:
-        return bag_messages.head(self.bag.read(row, bag_messages.head_size(self.topic)), self.topic)
-
-    def _points_counted(self, index: int) -> int | None:
-        if self.topic.kind != bag_messages.CLOUD:
-            return None
-        with reported(self.source):
-            return points_counted(self.bag.read(self.rows[index]), self.topic.encoding == "cdr")
-
-    def _digest(self, index: int) -> int:
-        with reported(self.source):
-            return bag_messages.digest(self.bag.read(self.rows[index]), self.topic)
-
     def _columns(self, index: int) -> Columns:
-        where = f"{self._where()}, scan {index}"
-        with reported(self.source):
-            if self.topic.kind in bag_messages.PACKETS:
-                packets = (packet for row in self._parts[self.rows[index].tobytes()] for packet in self._packets(row))
-                columns = self._decoder.columns(as_datagrams(packets, self._decoder.layout.size, where))
-            else:
-                columns = bag_messages.read_message(self.bag.read(self.rows[index]), self.topic, where)
+        columns = self._messages.columns(index)
         if self._T_frame_sensor is None:
             return columns
         points = transform(inverse(self._T_frame_sensor[index]), coordinates(columns, self._where(index)))
         return {**columns, **{axis: points[:, k] for k, axis in enumerate("xyz")}}
-
-    @cached_property
-    def _decoder(self) -> Decoder:
-        packets = (packet for row in self._every for _, packet in self._packets(row))
-        return make_decoder(packets, self.source)
-
-    def _packets(self, row: npt.NDArray[np.int64]) -> list[tuple[float, bytes]]:
-        return read_packets(self.bag.read(row), self.topic.kind, self.topic.encoding == "cdr", str(self._where()))
-
-    def _group(self) -> None:
-        """Keep of messages of packets those that begin a scan; others, of a packet each, belong to the one before."""
-        if self.topic.kind in bag_messages.PACKETS:
-            self._every, most = self.rows, bag_messages.head_size(self.topic)
-            heads = (self.bag.read(row, most) for row in self.rows)
-            groups = rows_of_scans(self.rows, heads, self.topic.kind, self.topic.encoding == "cdr", str(self._where()))
-            self._parts = {group[0].tobytes(): group for group in groups}
-            self.rows = np.stack([group[0] for group in groups])
 
     # -------------------------------------------------------------------------------------------- time and place
     def _put_in_order(self, stamps: npt.NDArray[np.float64]) -> list[str]:
@@ -209,9 +177,10 @@ class RosbagSequence(Sequence):
         if n_unset:
             of_all = f"{n_unset} of {len(stamps)} headers have no stamp"
             said = [f"{self._where()}: {of_all}; the times of recording are taken for all scans."]
-            stamps = (1e-9 * self.rows[:, 0]).astype(np.float64)
+            stamps = (1e-9 * self._messages.rows[:, 0]).astype(np.float64)
         found = put_in_order(stamps, self.names, self._where())
-        self.rows, self._sizes, self._stamps = self.rows[found.order], self._sizes[found.order], found.stamps
+        self._messages.sort(found.order)
+        self._stamps = found.stamps
         return [*said, *found.warnings]
 
     def _find_sensor(self) -> Pose | None:

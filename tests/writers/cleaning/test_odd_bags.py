@@ -181,14 +181,20 @@ def test_clouds_in_a_maps_frame_stay_in_it_with_the_odometry_that_takes_them_bac
 @pytest.mark.parametrize(
     ("kind", "encoding", "match"),
     [
-        (PACKETS, "cdr", "/p holds a sensor's packets, of which no single points can be left out: give --as bin"),
+        (PACKETS[0], "cdr", "/p holds a sensor's packets, of which no single points can be left out: give --as bin"),
         ("foxglove.PointCloud", "json", r"/p holds foxglove.PointCloud \(json\), which is not written again"),
         ("sensor_msgs/msg/PointCloud", "ros1", r"/p holds sensor_msgs/msg/PointCloud \(ros1\), which is not"),
     ],
 )
 def test_messages_that_are_not_cut_are_told(kind, encoding, match):
     with pytest.raises(InputError, match=match):
-        require_rewritable(SimpleNamespace(topic=Topic("/p", kind, encoding)))
+        require_rewritable(SimpleNamespace(topic=Topic("/p", kind, encoding), is_joined=False))
+
+
+def test_parts_of_turns_are_not_cut_and_that_is_told():
+    joined = SimpleNamespace(topic=Topic("/p", "sensor_msgs/msg/PointCloud2", "cdr"), is_joined=True)
+    with pytest.raises(InputError, match="/p holds parts of a turn, which are not written again as such: give --as"):
+        require_rewritable(joined)
 
 
 def test_an_mcap_without_end_is_refused_as_such_and_written_as_another_kind(tmp_path):

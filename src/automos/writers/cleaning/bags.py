@@ -76,7 +76,9 @@ class _Scans:
 def require_rewritable(sequence: RosbagSequence) -> None:
     """Raise InputError where the bag of `sequence`, or the messages of its topic, are not written again as such."""
     name, kind, encoding = sequence.topic
-    if kind == PACKETS:
+    if sequence.is_joined:
+        raise InputError(f"{name} holds parts of a turn, which are not written again as such: {_OTHERWISE}")
+    if kind in PACKETS:
         raise InputError(f"{name} holds a sensor's packets, of which no single points can be left out: {_OTHERWISE}")
     if kind not in TYPES or encoding not in ("cdr", "ros1"):
         raise InputError(f"{name} holds {kind} ({encoding}), which is not written again as such: {_OTHERWISE}")
