@@ -144,6 +144,7 @@ def _label_into(
         is_whole = not key_of_changes(folder)  # a damaged log is reported before any label is touched
         found = find_labels(sequence, settings, poses, Workspace(folder), workers, progress)
         write_results(folder, sequence, found, settings, progress, is_whole, _key_of(poses))
+        del found  # who looks for places reads the same tables again
         note_concerns(RunStages(folder, sequence), may_be_cameras)
         reapply(folder, sequence, progress)
         note_quality(folder)

@@ -437,6 +437,18 @@ def test_what_cannot_be_told_is_still_a_mistake():
     with open("/dev/full", "w") as full:
         ended = subprocess.run([sys.executable, "-m", "automos", "settings", "--preset", "x"], stderr=full, check=False)
     assert ended.returncode == 2
+    with open("/dev/full", "w") as full:
+        said = subprocess.run([sys.executable, "-m", "automos", "settings"], stdout=full, stderr=-1, text=True)
+    assert (said.returncode, said.stderr.strip()) == (2, "error: the system: No space left on device; free some space")
+
+
+@pytest.mark.parametrize("words", [["label", ""], ["label", "log", "--out", ""], ["label", "log", "--out="]])
+def test_an_empty_word_is_neither_the_working_folder_nor_the_default(monkeypatch, capsys, words):
+    monkeypatch.setattr(sys, "argv", ["automos", *words])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    assert "a word of the command is empty" in " ".join(capsys.readouterr().err.split())
 
 
 def test_a_command_that_is_started_without_streams_has_them(monkeypatch, automos):

@@ -1,5 +1,6 @@
 """Nothing is replaced or deleted that this program did not write, whatever the command."""
 
+import inspect
 import json
 import os
 import shutil
@@ -66,6 +67,24 @@ def test_every_command_is_listed():
     commands = set(typer.main.get_command(app).commands)
     listed = {words.split()[0] for words in (*FOLDERS.values(), *FILES.values())}
     assert commands == listed | NOTHING
+
+
+READ = {
+    "--settings", "--poses", "--calib", "--metadata", "--recordings", "--init", "--weights", "--recording",
+    "--train", "--validation", "--test", "--extra", "--away-train", "--away-validation", "--away-test",
+}  # fmt: skip
+"""Options that take what is only read; `--work` is claimed place by place (`fleet/cache.py`, `work_folder.py`)."""
+
+
+def test_every_option_that_takes_a_file_is_read_or_tried_on_a_strangers():
+    tried = {word for words in (*FOLDERS.values(), *FILES.values()) for word in words.split() if word[:2] == "--"}
+    commands = typer.main.get_command(app).commands
+    for group in app.registered_groups:
+        for command in group.typer_instance.registered_commands:
+            hints = {name: str(hint) for name, hint in inspect.signature(command.callback).parameters.items()}
+            options = commands[command.name or command.callback.__name__].params
+            paths = {one.opts[0] for one in options if "Path" in hints[one.name] and one.opts[0][:2] == "--"}
+            assert paths <= tried | READ | {"--work"}, command.callback.__name__
 
 
 def fill(folder):

@@ -133,7 +133,7 @@ def change_rows(path: Path, rng: random.Random) -> str:
         base.execute(*how)
         base.commit()
         return f"{how}"[:200]
-    except (sqlite3.Error, IndexError):
+    except (sqlite3.Error, UnicodeDecodeError, IndexError):  # of a damaged table, its name too
         return write_noise(path, rng)
     finally:
         base.close()

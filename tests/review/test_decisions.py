@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from automos.core.errors import InputError
+from automos.review import log
 from automos.review.decisions import Cover, Decision, append_decisions, cover, read_decisions
 from automos.review.log import LOG_FILE, key_of_changes
 
@@ -66,6 +67,14 @@ def test_labels_are_made_again_when_a_damaged_line_is_mended(tmp_path):
     assert len({before, key_of_changes(tmp_path), ""}) == 3
     (tmp_path / LOG_FILE).write_text(text)
     assert key_of_changes(tmp_path) == before
+
+
+def test_a_log_grows_no_larger_than_what_is_read(tmp_path, monkeypatch):
+    append_decisions(tmp_path, [ONE])
+    monkeypatch.setattr(log, "MAX_TEXT", 2 * (tmp_path / LOG_FILE).stat().st_size - 1)
+    with pytest.raises(InputError, match="is full"):
+        append_decisions(tmp_path, [ONE])
+    assert read_decisions(tmp_path) == [ONE]
 
 
 def test_a_cover_keeps_some_rows_and_the_number_of_all():

@@ -1,8 +1,11 @@
 """What a person adds, draws, cuts, splits and joins is in the results, and survives other settings and poses."""
 
 import base64
+import copy
 import json
 import shutil
+import threading
+import time
 
 import numpy as np
 import pytest
@@ -13,11 +16,12 @@ from automos.core.errors import InputError
 from automos.core.labels import Label
 from automos.objects.verdict import Verdict
 from automos.results.open_run import open_run
-from automos.review import queue
+from automos.review import pictures, queue
 from automos.review.amendments import Part, append_verdicts, read_amendments
 from automos.review.apply import reapply
 from automos.review.log import LOG_FILE, read_lines
 from automos.review.session import Session
+from automos.views.thumbnails import Thumbnails
 
 
 @pytest.fixture
@@ -241,8 +245,38 @@ def test_what_is_made_by_hand_has_a_picture_in_the_list_at_once(session):
     track = moving_track(session)
     scans = session.stages.tracks.scan[session.stages.tracks.rows_of(track)]
     ids = session.cut(track + 1, int(scans[len(scans) // 2]))
-    pictures = session.pictures_now()["pictures"]
-    assert all(base64.b64decode(pictures[id]["points"]) for id in ids)
+    shown = session.pictures_now()["pictures"]
+    assert all(base64.b64decode(shown[id]["points"]) for id in ids)
+
+
+def test_what_is_in_sight_has_its_picture_before_all_scans_are_read(session, monkeypatch):
+    first = next(item["id"] for item in session.overview()["items"] if "id" in item)
+    entry = next(track for track in session.run.tracks_file["tracks"] if track["id"] == first)
+    n, goes_on, asked, run = len(Thumbnails([entry]).scans), threading.Event(), [], copy.copy(session.run)
+
+    def scan(index):
+        asked.append(index)
+        if len(asked) > n:
+            goes_on.wait(60)
+        return session.run.scan(index)
+
+    monkeypatch.setattr(pictures, "IN_SIGHT", 1)
+    run.scan = scan
+    made = pictures.Pictures(run, session.stages, session.queue)
+    shown = until(lambda: (page := made.to_page([]))["pictures"] and page)
+    assert (list(shown["pictures"]), shown["ready"]) == ([first], False)
+    goes_on.set()
+    until(lambda: made.to_page([])["ready"])
+    assert len(made.to_page([])["pictures"]) == len(session.stages.tracks)
+
+
+def until(asks):
+    """Return what `asks` returns once it is true, within a minute."""
+    end = time.monotonic() + 60.0
+    while not (found := asks()):
+        assert time.monotonic() < end
+        time.sleep(0.02)
+    return found
 
 
 def test_an_object_taken_back_is_taken_out_of_the_labels_when_the_session_ended_before(session):

@@ -16,6 +16,14 @@ def test_without_a_warning_labels_can_be_trusted_and_it_says_how_sure_they_are()
     )
 
 
+def test_places_to_look_at_are_said_beside_what_is_fine():
+    place = {"sentence": "Object 3 ends early.", "scan": "000007"}
+    found = trust_in(FINE | {"warnings": [place]}, [], 0.9)
+    assert found["level"] == "yes"
+    assert "no warning but of 1 place below, and the path agrees" in found["sentence"]
+    assert "of 2 places below" in trust_in(FINE | {"warnings": [place, place]}, [], 0.9)["sentence"]
+
+
 @pytest.mark.parametrize(
     "odometry", [{"warnings": ["it slipped"]}, {"warnings": [], "is_speed_doubted": True}], ids=["warned", "doubted"]
 )

@@ -1,7 +1,9 @@
 """The command line: one module per group of commands. A command parses, calls one function and prints."""
 
+import errno
 import io
 import os
+import re
 import signal
 import sys
 from contextlib import suppress
@@ -100,7 +102,8 @@ def _refused(error: Exception) -> str:
     """Return what the system refused, as a sentence."""
     if isinstance(error, OSError):
         where = error.filename if error.filename is not None else "the system"
-        return f"{where}: {error.strerror or error}; check its name, its place and who may use it"
+        remedy = "free some space" if error.errno == errno.ENOSPC else "check its name, its place and who may use it"
+        return f"{where}: {error.strerror or error}; {remedy}"
     if isinstance(error, MemoryError):
         return "there is not enough memory for this: give smaller recordings, fewer --workers or a larger machine"
     return f"a name or text cannot be used ({error}); see the place with automos --debug"
@@ -126,6 +129,8 @@ def main() -> None:
     _require_streams()
     require_memory(_tell)
     share_heap()
+    if any(not word or re.fullmatch("--[a-z-]+=", word) for word in sys.argv[1:]):  # and not the working folder
+        _tell("a word of the command is empty, as where a variable of the shell is not set: give a name or a value")
     os.environ.update(SAFE_PATH | OURS)  # for every process that is started from here, by whatever library
     try:
         app(prog_name="automos")

@@ -33,6 +33,8 @@ SAME_PLACE, SAME_SIZE = 0.5, 0.2
 """Metres, and share of the size besides, by which two segments of one standing thing differ."""
 CLIMB = 0.5
 """Rise over way of a whole recording that no vehicle and no walker makes: 30 degrees."""
+CACHED_SCANS = 200
+"""Scans whose segments are kept, some 20 kB each: tracks are followed in the order in which they begin."""
 LEAST_WAY = 2.0
 """Metres of path from which its steepness is significant."""
 
@@ -73,7 +75,7 @@ def _steep(path: npt.NDArray[np.float64]) -> list[dict[str, Any]]:
 def _lost_ends(stages: RunStages) -> list[dict[str, Any]]:
     tracks, stamps = stages.tracks, stages.trajectory.stamps
 
-    @lru_cache(4000)
+    @lru_cache(CACHED_SCANS)
     def detect(index: int) -> Detections:
         return Detections.from_arrays(stages.stage("instances").load(stages.names[index], *Detections.columns()))
 
@@ -140,13 +142,13 @@ def _velocity(seen: list[tuple[int, int]], detect: Detect, stamps: npt.NDArray[n
 
 def _was_there(seen: list[tuple[int, int]], beyond: Path, detect: Detect) -> bool:
     """Return whether the continuation stood there while the track was still elsewhere."""
-    for scan, (segment, box) in list(beyond.items())[:GOES_ON]:
-        for before, own in seen:
-            boxes = detect(before).boxes
+    ahead = [(box, detect(scan).boxes.size[segment]) for scan, (segment, box) in list(beyond.items())[:GOES_ON]]
+    for before, own in seen:
+        boxes = detect(before).boxes
+        for box, size in ahead:
             if np.linalg.norm(boxes.center[own, :2] - box[:2]) < max(boxes.size[own, 0], 1.0):
                 continue
             is_near = np.linalg.norm(boxes.center - box[:3], axis=1) < SAME_PLACE
-            size = detect(scan).boxes.size[segment]
             is_alike = (np.abs(boxes.size - size) < SAME_PLACE + SAME_SIZE * size).all(axis=1)
             if (is_near & is_alike).any():
                 return True

@@ -45,14 +45,17 @@ def append_lines(folder: Path, lines: Iterable[dict[str, Any]]) -> None:
     InputError
         The log cannot be written.
     """
-    if (folder / LOG_FILE).exists():
-        require_regular(folder / LOG_FILE)
-    text = "".join(json.dumps(line, separators=(",", ":")) + "\n" for line in lines)
+    path = folder / LOG_FILE
+    if path.exists():
+        require_regular(path)
+    text = "".join(json.dumps(line, separators=(",", ":")) + "\n" for line in lines).encode()
     with _APPENDING:
+        if len(text) + (path.stat().st_size if path.exists() else 0) >= MAX_TEXT:  # what is larger is not read
+            raise InputError(f"{path} is full ({MAX_TEXT >> 20} MB): label and review the recording in shorter pieces")
         try:
-            _append(folder / LOG_FILE, text.encode())
+            _append(path, text)
         except OSError as error:
-            raise InputError(f"{folder / LOG_FILE} cannot be written ({error.strerror}): free some space") from error
+            raise InputError(f"{path} cannot be written ({error.strerror}): free some space") from error
 
 
 def _append(path: Path, text: bytes) -> None:

@@ -1,7 +1,8 @@
-"""Pictures of all tracks for the list, made in the background in one pass over the scans."""
+"""Pictures of tracks for the list, made in the background: those in sight first, the others in one pass."""
 
 import threading
 from collections.abc import Iterable
+from contextlib import suppress
 from typing import Any
 
 from automos.core.errors import AutomosError
@@ -15,15 +16,18 @@ from automos.views.thumbnails import Thumbnails
 
 MOST = 400
 """Objects that get a picture, those first in the queue; who goes on that far sees the others when they are open."""
+IN_SIGHT = 12
+"""Rows of the list on a usual screen: for their pictures nobody waits until a long recording was read through."""
 
 
 class Pictures:
-    """Thumbnails by object id: of what was found once all scans were gone through, of what is made by hand at once."""
+    """Thumbnails by object id: of what was found once its scans were gone through, of what is made by hand at once."""
 
     def __init__(self, run: RunFiles, stages: RunStages, queue: Queue):
         """Begin to make them."""
         self._run, self._stages, self._queue = run, stages, queue
-        self._found: dict[int, dict[str, Any]] | None = None
+        self._found: dict[int, dict[str, Any]] = {}
+        self._is_whole = False
         self._made: dict[int, dict[str, Any]] = {}
         self._is_stopped = False
         threading.Thread(target=self._make, daemon=True).start()
@@ -33,7 +37,7 @@ class Pictures:
         for amendment in amendments:
             if number_of(self._stages, amendment) + 1 not in self._made:
                 self._made |= self._picture(amended_entry(self._stages, amendment))
-        return {"ready": self._found is not None, "pictures": (self._found or {}) | self._made}
+        return {"ready": self._is_whole, "pictures": self._found | self._made}
 
     def stop(self) -> None:
         """Make no more."""
@@ -46,16 +50,19 @@ class Pictures:
         return thumbnails.to_page()
 
     def _make(self) -> None:
-        try:
+        with suppress(AutomosError):  # a list without pictures is a list
             wanted = [item["id"] for item in self._queue.to_page(Changes())["items"] if "id" in item][:MOST]
             tracks = {track["id"]: track for track in self._run.tracks_file["tracks"]}
-            thumbnails = Thumbnails([tracks[track] for track in wanted if track in tracks])
-            for index in sorted(thumbnails.scans):
-                if self._is_stopped:
-                    return
-                scan = self._run.scan(index)
-                points = transform(self._run.T_level_sensor(index), self._run.points_at_pose(scan, index))
-                thumbnails.add(index, points[scan.is_valid])
-            self._found = thumbnails.to_page()
-        except AutomosError:
-            self._found = {}  # a list without pictures is a list
+            for ids in (wanted[:IN_SIGHT], wanted[IN_SIGHT:]):
+                self._add([tracks[track] for track in ids if track in tracks])
+        self._is_whole = True
+
+    def _add(self, entries: list[dict[str, Any]]) -> None:
+        thumbnails = Thumbnails(entries)
+        for index in sorted(thumbnails.scans):
+            if self._is_stopped:
+                return
+            scan = self._run.scan(index)
+            points = transform(self._run.T_level_sensor(index), self._run.points_at_pose(scan, index))
+            thumbnails.add(index, points[scan.is_valid])
+        self._found = self._found | thumbnails.to_page()

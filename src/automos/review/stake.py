@@ -45,8 +45,8 @@ def weigh(stages: RunStages) -> Stakes:
     """
     tracks, n = stages.tracks, len(stages.tracks)
     points, moved = np.zeros((2, len(tracks.track)))
-    for i, name in enumerate(stages.names):
-        rows = np.flatnonzero((tracks.scan == i) & tracks.is_observed)
+    for name, rows in zip(stages.names, tracks.rows_by_scan(len(stages.names)), strict=True):
+        rows = rows[tracks.is_observed[rows]]
         found = stages.stage("instances").load(name, "n_points", "n_moving")
         points[rows], moved[rows] = (found[key][tracks.segment[rows]] for key in ("n_points", "n_moving"))
     of_track, has_moved = (np.bincount(tracks.track, column, n) for column in (points, moved))

@@ -28,12 +28,11 @@ def trust_in(
         why = "there is something worth knowing below" if n == 1 else f"{n} things below are worth knowing"
         return {"level": "look", "sentence": f"Look before you trust these labels: {why}; {how_sure}."}
     wall = odometry.get("wall_thickness_m")
-    path = (
-        "no warning, and the path agrees with itself"
-        if wall is None
-        else (f"no warning, and the path agrees with itself (walls seen again and again are {100 * wall:.0f} cm thick)")
-    )
-    return {"level": "yes", "sentence": f"These labels can be trusted: {path}; {how_sure}."}
+    places = sum("scan" in warning for warning in run.get("warnings", []))
+    warned = f"no warning but of {places} place{'s' * (places != 1)} below" if places else "no warning"
+    walls = "" if wall is None else f" (walls seen again and again are {100 * wall:.0f} cm thick)"
+    why = f"{warned}, and the path agrees with itself{walls}"
+    return {"level": "yes", "sentence": f"These labels can be trusted: {why}; {how_sure}."}
 
 
 def _how_sure(quality: dict[str, Any], expected: float | None, truth: dict[str, Any] | None) -> str:
