@@ -64,9 +64,9 @@ class RosbagSequence(Sequence):
                     "other; record each on a topic of its own"
                 )
             self.name = name_of(self.source) + ("" if wanted is None else "_" + wanted.replace("/", "_"))
-            self._warnings = [*self.bag.faults, *said, *self._put_in_order(np.array([stamp for stamp, _ in heads]))]
-            self._stamps, said = self._messages.join(self._stamps)
-            self._warnings += said
+            stamps, of_order = self._put_in_order(np.array([stamp for stamp, _ in heads]))
+            self._stamps, of_parts = self._messages.join(stamps)
+            self._warnings = [*self.bag.faults, *said, *of_order, *of_parts]
             self._T_frame_sensor: Pose | None = None
             self._T_frame_sensor = self._find_sensor()
             counted = self.bag.counted(self.topic)
@@ -171,8 +171,8 @@ class RosbagSequence(Sequence):
         return {**columns, **{axis: points[:, k] for k, axis in enumerate("xyz")}}
 
     # -------------------------------------------------------------------------------------------- time and place
-    def _put_in_order(self, stamps: npt.NDArray[np.float64]) -> list[str]:
-        """Put the messages in the order of their headers' stamps, seconds; return what to say of it."""
+    def _put_in_order(self, stamps: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64] | None, list[str]]:
+        """Put the messages in the order of their headers' stamps; return these, seconds, and what to say of it."""
         said, n_unset = [], count_unset(stamps)
         if n_unset:
             of_all = f"{n_unset} of {len(stamps)} headers have no stamp"
@@ -180,8 +180,7 @@ class RosbagSequence(Sequence):
             stamps = (1e-9 * self._messages.rows[:, 0]).astype(np.float64)
         found = put_in_order(stamps, self.names, self._where())
         self._messages.sort(found.order)
-        self._stamps = found.stamps
-        return [*said, *found.warnings]
+        return found.stamps, [*said, *found.warnings]
 
     def _find_sensor(self) -> Pose | None:
         """Return (len, 4, 4) the sensor's poses in the frame of the clouds, None where that is the sensor's own."""
