@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from automos.objects.bodies import cut_where_two, joined, links_in_time, parts_of_bodies
+from automos.objects.bodies import cut_where_two, joined, links_in_time
+from automos.objects.parts import parts_of_bodies
 from automos.objects.tracks import Tracks
 
 TIMES = 0.1 * np.arange(60)

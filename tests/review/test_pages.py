@@ -86,6 +86,7 @@ def test_what_is_worth_knowing_is_beside_the_list_and_keys_decide_at_once(browse
     other = "static" if server.session.overview()["items"][0]["verdict"] == "moving" else "moving"
     press(browser, other[0])
     wait_for(browser, f"document.body.dataset.shown !== '{first}'")
+    wait_for(browser, "document.getElementById('saved').textContent === 'saved ✓'")
     assert server.session.changes.decided == {first - 1: other}
 
 

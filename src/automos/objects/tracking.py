@@ -14,12 +14,13 @@ from automos.core.geometry import Array
 from automos.core.parallel import map_in_order
 from automos.core.scan import OBJECT, Mask
 from automos.core.upright_boxes import Boxes
-from automos.objects.bodies import cut_where_two, joined, links_in_time, parts_of_bodies
+from automos.objects.bodies import cut_where_two, joined, links_in_time
 from automos.objects.detections import Detections
 from automos.objects.extents import Intervals, Scans, make_whole, shown_intervals
 from automos.objects.judge import is_scenery, judge_tracks, moving_now
 from automos.objects.object_points import tracks_of_points
 from automos.objects.paper.verdict import judge_by_trajectory, with_speed_as_state
+from automos.objects.parts import parts_of_bodies
 from automos.objects.places import Places, count_places, held_places, touched_columns
 from automos.objects.terms import Segments, SegmentTerms, each_for_itself, segment_terms
 from automos.objects.tracker import can_follow, track_objects
