@@ -74,6 +74,11 @@ class Benchmark:
     is_of_everything: bool = False
     options: dict[str, Any] = field(default_factory=dict)
 
+    @property
+    def varied(self) -> list[str]:
+        """The further arguments that tell its experiments apart."""
+        return [name for name in self.sweep[0] if len({str(given[name]) for given in self.sweep}) > 1]
+
     def experiments(self, **asked: Any) -> list[Experiment]:
         """Return the experiments, with other recordings, methods, changes or seeds where they are `asked` for."""
         is_quick = asked.get("quick", False)
@@ -320,7 +325,7 @@ BENCHMARKS = {
         "30 min",
         "networks:by_labels",
         ("lyft_5hz",),
-        sweep=_taught(range(3), epochs=8, samples=400, packed=240, scans=25),
+        sweep=_taught(range(3), epochs=8, samples=300, packed=160, scans=20),
         quick_sweep=_taught(range(1), **{**_SMALL, "packed": 8}),
         is_of_everything=True,
     ),
