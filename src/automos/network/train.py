@@ -80,21 +80,8 @@ def train(
         "started_from": init.name if init else "scratch",
     }
     samples, held_out = _samples(recordings, validation, settings, out, progress)
-    return train_network(
-        samples,
-        held_out,
-        network,
-        weights,
-        measure_scale(recordings, progress),
-        out,
-        card,
-        init,
-        device,
-        devices,
-        progress,
-        loaders,
-        report,
-    )
+    scale, rest = measure_scale(recordings, progress), (card, init, device, devices, progress, loaders, report)
+    return train_network(samples, held_out, network, weights, scale, out, *rest)
 
 
 def _samples(
