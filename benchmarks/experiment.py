@@ -24,7 +24,6 @@ from automos.simulation import FORMAT
 PACKAGE = Path(automos.__file__).parent
 BESIDE_THE_METHOD = ("cli/", "writers/", "review/", "views/", "live/", "network/", "fleet/")
 """What shapes neither labels nor poses: changes there leave kept results as they are."""
-LEFT_OUT = "left out"
 
 
 @dataclass(frozen=True)
@@ -78,8 +77,8 @@ def result_of(experiment: Experiment, store: Path, again: bool = False) -> dict[
         if run.returncode != 0:
             return {**experiment.given(), "head": _head(f"failed: exit code {run.returncode}", experiment)}
     row = json.loads(file.read_text())
-    if row["head"]["status"].startswith(LEFT_OUT):
-        file.unlink()  # a library may be installed later
+    if row["head"]["status"] != "done":
+        file.unlink()  # a library may be installed later, a recording put there
     return row
 
 
@@ -93,7 +92,7 @@ def perform(experiment: Experiment, store: Path) -> dict[str, Any]:
         try:
             found = measure(store=store, **experiment.given())
         except MissingExtraError as missing:
-            status = f"{LEFT_OUT}: {missing}"
+            status = f"left out: {missing}"
         except InputError as refusal:
             status = f"refused: {refusal}"
     cost = {"seconds": effort.seconds, "cpu_seconds": effort.busy, "peak_mb": effort.peak / 1e6}

@@ -353,6 +353,18 @@ def networks(rows: list[Row]) -> Lines:
     ]
 
 
+def labels_of_networks(rows: list[Row]) -> Lines:
+    """Return one row a kind of labels, one column a recording: IoU's mean over seeds, the least and the greatest."""
+    tests = list(rows[0]["scores"])
+    lines = [["labels", "networks", *(f"`{test}`" for test in tests)]]
+    for labels in _names(rows, lambda row: row["labels"]):
+        own = [row["scores"] for row in rows if row["labels"] == labels]
+        ious = [[scores[test]["iou"] or 0.0 for scores in own] for test in tests]
+        cells = (f"{percent(float(np.mean(some)))} ({percent(min(some))} to {percent(max(some))})" for some in ious)
+        lines.append([labels, str(len(own)), *cells])
+    return lines
+
+
 def fine_tuning(rows: list[Row]) -> Lines:
     """Return one column for each number of epochs of which a network was kept, and one for the best epoch."""
     curves, scored = rows[0]["curves"], {row["method"]: row["iou"] for row in rows[0]["scores"]}

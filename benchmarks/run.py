@@ -17,7 +17,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
 from pathlib import Path
@@ -120,8 +120,15 @@ def verdicts(rows: list[Row], before: list[Row]) -> list[str]:
     return [f"[red]worse: {line}" for line in said] or [f"[green]nothing is worse in {len(both)} experiments"]
 
 
-def _key(row: Row) -> tuple[str, ...]:
-    return tuple(str(row.get(name, "")) for name in ("recording", "method", "change"))
+def merged(result: dict[str, Any], before: dict[str, Any], varied: Iterable[str] = ()) -> dict[str, Any]:
+    """Return a stored result in which what was done anew, a part of it, has replaced its like or is added."""
+    kept = {_key(row, varied): row for row in before["rows"]}
+    kept |= {_key(row, varied): row for row in result["rows"] if row["head"]["status"] == "done"}
+    return {**result, **before, "rows": list(kept.values())}
+
+
+def _key(row: Row, varied: Iterable[str] = ()) -> tuple[str, ...]:
+    return tuple(str(row.get(name) or "") for name in ("recording", "method", "change", *varied))
 
 
 _GROWING: dict[str, Callable[[list[Row]], float]] = {
@@ -144,7 +151,9 @@ def main() -> None:
     parser.add_argument("--again", action="store_true", help="do again what is kept")
     parser.add_argument("--at-once", type=int, default=1, help="experiments side by side, unless they are timed")
     parser.add_argument("--against", help="stored result to compare with: its name, or a file")
-    parser.add_argument("--save", action="store_true", help="store the result for README and docs")
+    parser.add_argument(
+        "--save", action="store_true", help="store the result, or the part that was run, for README and docs"
+    )
     parser.add_argument("--list", action="store_true", help="what there is")
     parser.add_argument("--write", action="store_true", help="write stored results into README and docs")
     arguments = parser.parse_args()
@@ -164,7 +173,9 @@ def main() -> None:
             against = against if against.exists() else RESULTS / f"{arguments.against}.json"
         show(name, result, against)
         if arguments.save:
-            write_text(stored, as_text(result))
+            asked = (arguments.recordings, arguments.methods, arguments.changes, arguments.seeds, arguments.quick)
+            before = json.loads(stored.read_text()) if any(asked) and stored.exists() else {"rows": []}
+            write_text(stored, as_text(merged(result, before, BENCHMARKS[name].varied)))
     if arguments.write:
         results = read_results()
         for page in pages():

@@ -79,6 +79,7 @@ TABLES = {
     "table-2": Table("table-2", make.networks),
     "table-3": Table("table-3", make.networks),
     "fine-tuning": Table("table-3", make.fine_tuning),
+    "labels-of-networks": Table("labels-of-networks", make.labels_of_networks),
     "shipped-network": Table("shipped-network", make.shipped_network),
     "network-speed": Table("network-speed", make.network_speed),
     "fleet": Table("fleet", make.fleet),

@@ -64,7 +64,7 @@ def test_seeds_are_those_of_worlds_alone():
     assert [e.recording for e in found] == ["city:VLP-16:60:101@dust", "my_log", "city:VLP-16:60:102@dust"]
 
 
-def test_an_experiment_is_performed_once_and_a_refusal_is_a_row(tmp_path, monkeypatch):
+def test_a_refusal_is_a_row_and_what_was_done_is_kept(tmp_path, monkeypatch):
     calls = []
 
     def performed(command, check):
@@ -78,11 +78,16 @@ def test_an_experiment_is_performed_once_and_a_refusal_is_a_row(tmp_path, monkey
     monkeypatch.setattr(experiment, "commit", lambda: "abc")
     nothing_there = experiment.Experiment("labels:score", "no_such_recording", "default")
     found = [experiment.result_of(nothing_there, tmp_path) for _ in range(2)]
-    assert len(calls) == 1
-    assert found[0] == found[1]
+    assert len(calls) == 2
+    assert found[0]["head"]["status"] == found[1]["head"]["status"]
     assert found[0]["recording"] == "no_such_recording"
     assert found[0]["head"]["status"].startswith("refused: no_such_recording")
     assert found[0]["head"]["seconds"] >= 0.0
+
+    monkeypatch.setattr(experiment, "perform", lambda task, store: {"head": HEAD})
+    anything = experiment.Experiment("labels:score", "anything", "default")
+    assert experiment.result_of(anything, tmp_path) == experiment.result_of(anything, tmp_path) == {"head": HEAD}
+    assert len(calls) == 3
 
 
 def test_stamps_are_off_by_a_tenth_of_a_millisecond_and_by_the_same_in_every_run(tmp_path):
@@ -233,6 +238,26 @@ def test_a_stored_result_has_a_line_a_row_and_reads_back():
     text = run.as_text(result)
     assert experiment.json.loads(text) == result
     assert sum(line.startswith('  {"recording"') for line in text.splitlines()) == 2
+
+
+def test_a_part_done_again_replaces_its_like_and_leaves_the_others():
+    stored = {"made_by": "x", "rows": [labelled("a", 0.5), labelled("b", 0.6), labelled("b", 0.7, lag=1.0)]}
+    failed = {**labelled("a", 0.0), "head": {**HEAD, "status": "failed: exit code 1"}}
+    part = {"made_by": "y", "rows": [failed, labelled("b", 0.8), labelled("c", 0.9)]}
+    found = [(row["recording"], row["iou"]) for row in run.merged(part, stored, ["lag"])["rows"]]
+    assert found == [("a", 0.5), ("b", 0.8), ("b", 0.7), ("c", 0.9)]
+    assert run.merged(part, {"rows": []})["rows"] == part["rows"][1:]
+    assert catalog.BENCHMARKS["lags"].varied == ["lag"]
+    assert catalog.BENCHMARKS["methods-drive"].varied == []
+
+
+def test_labels_of_networks_have_the_mean_of_seeds_and_their_spread():
+    def row(labels, seed, iou):
+        return {"labels": labels, "seed": seed, "scores": {"drive": {"iou": iou}}, "head": HEAD}
+
+    found = rows.labels_of_networks([row("true", 0, 0.5), row("automatic", 0, 0.4), row("true", 1, 0.7)])
+    assert found[0] == ["labels", "networks", "`drive`"]
+    assert found[1:] == [["true", "2", "60.0 (50.0 to 70.0)"], ["automatic", "1", "40.0 (40.0 to 40.0)"]]
 
 
 def test_a_digest_counts_what_shapes_labels_and_the_whole_package_where_asked(tmp_path, monkeypatch):

@@ -56,6 +56,18 @@ def test_weights_of_another_network_are_told(tmp_path):
         load_checkpoint(tmp_path / "best.pt")
 
 
+def test_damaged_weights_and_cards_are_told(tmp_path):
+    save_checkpoint(tmp_path / "whole.pt", made())
+    content = torch.load(tmp_path / "whole.pt", weights_only=True)
+    torch.save({**content, "card": "none"}, tmp_path / "card.pt")
+    with pytest.raises(InputError, match="weights that do not fit the network it names"):
+        load_checkpoint(tmp_path / "card.pt")
+    next(iter(content["state"].values())).fill_(float("nan"))
+    torch.save(content, tmp_path / "nan.pt")
+    with pytest.raises(InputError, match="weights that are no numbers"):
+        load_checkpoint(tmp_path / "nan.pt")
+
+
 @pytest.mark.parametrize(
     ("image", "model", "said"),
     [

@@ -18,6 +18,10 @@ from automos.settings import ImageSettings, ModelSettings  # noqa: E402
 
 IMAGE, MODEL = ImageSettings(height=16, width=64, residuals=2), ModelSettings(channels=4)
 HAS_OPENVINO = importlib.util.find_spec("openvino") is not None
+EACH_ENGINE = pytest.mark.parametrize(
+    "engine",
+    ["onnxruntime", pytest.param("openvino", marks=pytest.mark.skipif(not HAS_OPENVINO, reason="no openvino here"))],
+)
 
 
 @pytest.fixture(scope="module")
@@ -33,10 +37,7 @@ def exported(tmp_path_factory):
     return checkpoint, path
 
 
-@pytest.mark.parametrize(
-    "engine",
-    ["onnxruntime", pytest.param("openvino", marks=pytest.mark.skipif(not HAS_OPENVINO, reason="no openvino here"))],
-)
+@EACH_ENGINE
 def test_engines_answer_as_the_checkpoint_does(exported, engine):
     checkpoint, path = exported
     deployed = load_network(path, engine, "cpu")
@@ -57,9 +58,29 @@ def test_a_foreign_onnx_file_is_told(exported, tmp_path):
     onnx.save(model, tmp_path / "foreign.onnx")
     with pytest.raises(InputError, match="was not exported by automos"):
         load_network(tmp_path / "foreign.onnx", "onnxruntime")
-    (tmp_path / "text.onnx").write_text("network")
-    with pytest.raises(InputError, match="cannot be read as an ONNX network"):
-        load_network(tmp_path / "text.onnx", "onnxruntime")
+
+
+@EACH_ENGINE
+def test_a_damaged_network_is_told_in_a_sentence(exported, tmp_path, engine, capfd):
+    path = tmp_path / "damaged.onnx"
+    whole = exported[1].read_bytes()
+    for content in (b"network", whole[: len(whole) // 2]):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match=r"damaged.onnx is no ONNX network, or a damaged one: export it again$"):
+            load_network(path, engine)
+    assert capfd.readouterr() == ("", "")
+
+
+@EACH_ENGINE
+def test_a_network_that_takes_other_images_than_it_says_is_told(exported, tmp_path, engine):
+    import onnx
+
+    model = onnx.load(exported[1])
+    entry = model.metadata_props[0]
+    entry.value = entry.value.replace('"residuals": 2', '"residuals": 3')
+    onnx.save(model, tmp_path / "other.onnx")
+    with pytest.raises(InputError, match="takes other images than it says"):
+        load_network(tmp_path / "other.onnx", engine)
 
 
 def test_an_export_that_differs_is_not_kept(exported, tmp_path):

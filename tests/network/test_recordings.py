@@ -6,7 +6,7 @@ from worlds import street, write_bins
 from automos.core.atomic import write_text
 from automos.core.errors import InputError
 from automos.core.labels import Label, pack
-from automos.network.recordings import LabelledRecording, Shelf, Source, open_labelled
+from automos.network.recordings import LabelledRecording, ScanLabels, Shelf, Source, open_labelled
 from automos.network.samples import TrainingSamples, ValidationSamples, draw_sector, measure_classes, measure_scale
 
 
@@ -76,9 +76,8 @@ def test_a_recording_without_labels_is_told(world, tmp_path):
 def test_labels_of_another_recording_are_told(folder, tmp_path):
     (tmp_path / "run" / "predictions").mkdir(parents=True)
     np.zeros(3, np.uint32).tofile(tmp_path / "run" / "predictions" / "000000.label")
-    recording = open_labelled([Source(folder, tmp_path / "run")], settings(), tmp_path / "poses")[0]
     with pytest.raises(InputError, match="belongs to another scan or was cut short"):
-        recording.read(0)
+        open_labelled([Source(folder, tmp_path / "run")], settings(), tmp_path / "poses")
 
 
 def test_class_weights_come_from_the_labels_at_hand(recordings, world):
@@ -90,12 +89,15 @@ def test_class_weights_come_from_the_labels_at_hand(recordings, world):
     assert weights[1:] == pytest.approx(np.sqrt(counts[1:].sum() / counts[1:]))
 
 
-def test_labels_without_a_moving_point_are_told(world, tmp_path):
+def test_labels_without_a_moving_point_are_told_before_poses_are_found(world, tmp_path):
     still = [np.full(len(truth), Label.STATIC, np.uint8) for truth in world.truth]
     folder = write_labelled(world, tmp_path / "still", still)
-    recordings = open_labelled([Source(folder)], settings(), tmp_path / "poses")
     with pytest.raises(InputError, match="no moving point in the labels of still"):
-        measure_classes(recordings, n_scans=4)
+        open_labelled([Source(folder)], settings(), tmp_path / "poses")
+    assert not (tmp_path / "poses").exists()
+    still[-1] = np.where(np.arange(len(still[-1])) == 7, Label.MOVING, Label.STATIC).astype(np.uint8)
+    one_point = write_labelled(world, tmp_path / "one_point", still)
+    assert len(open_labelled([Source(folder), Source(one_point)], settings(), tmp_path / "poses")) == 2
 
 
 def test_epochs_draw_anew_and_equal_epochs_alike(recordings):
@@ -124,7 +126,9 @@ def test_scans_without_half_of_the_past_are_left_out_unless_none_has_it(recordin
     recording = recordings[0]  # ten scans a second, residuals 0.2, 0.4 and 0.6 s back
     assert list(recording.with_past) == list(range(3, len(recording)))
     longer = settings().network.image.model_copy(update={"residuals": 80})
-    assert len(LabelledRecording(recording.sequence, recording.trajectory, longer).with_past) == len(recording)
+    assert len(LabelledRecording(ScanLabels(recording.sequence), recording.trajectory, longer).with_past) == len(
+        recording
+    )
 
 
 def test_the_scale_makes_channels_alike(recordings):

@@ -14,9 +14,6 @@ from automos.core.scan import Points, Pose
 from automos.network.images import Window
 from automos.network.projection import ImageGrid, project
 
-SEED = 0
-"""Of all that is drawn in a training: which scans, how they are changed, the first weights."""
-
 _TILTED, _MIRRORED, _SHIFTED, _THINNED, _BLIND, _WORN = 0.5, 0.5, 0.5, 0.5, 0.3, 0.5
 """How often. None of them changes a label, all were seen on some robot. Turns change no image but its first column."""
 

@@ -57,7 +57,7 @@ def load_checkpoint(path: Path) -> Checkpoint:
 
     Raises
     ------
-    InputError : no such file, not a checkpoint, or weights that do not fit the network it names.
+    InputError : no such file, not a checkpoint, or weights that are no numbers or do not fit the network it names.
     """
     if not path.exists():
         raise InputError(f"{path} does not exist: give a checkpoint that automos train wrote (best.pt)")
@@ -73,10 +73,12 @@ def load_checkpoint(path: Path) -> Checkpoint:
         image, model = ImageSettings(**content["image"]), ModelSettings(**content["model"])
         network = LMNet(image, model)
         network.load_state_dict({name: _full(value) for name, value in content["state"].items()})
-    except (ValueError, RuntimeError, KeyError, TypeError) as error:  # pydantic's are ValueErrors
-        reason = " ".join(str(error).split())[:200]
-        raise InputError(f"{path} holds weights that do not fit the network it names ({reason}): train again") from None
-    return Checkpoint(network.eval(), image, model, dict(content.get("card", {})))
+        card = dict(content.get("card", {}))
+    except (ValueError, RuntimeError, KeyError, TypeError, AttributeError):  # pydantic's are ValueErrors
+        raise InputError(f"{path} holds weights that do not fit the network it names: train again") from None
+    if not all(value.isfinite().all() for value in network.state_dict().values()):
+        raise InputError(f"{path} holds weights that are no numbers: train again")
+    return Checkpoint(network.eval(), image, model, card)
 
 
 def require_shape(checkpoint: Checkpoint, image: ImageSettings, model: ModelSettings, path: Path) -> None:

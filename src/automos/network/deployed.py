@@ -13,7 +13,7 @@ from automos.core.errors import InputError, MissingExtraError
 from automos.core.extras import pip_install
 from automos.core.parallel import available_cores
 from automos.core.reading import parse_json
-from automos.network.images import FORMAT
+from automos.network.images import BASE_CHANNELS, FORMAT
 from automos.network.projection import Image
 from automos.settings import ImageSettings
 
@@ -113,18 +113,20 @@ def _load_torch(weights: Path, device: str, threads: int) -> Deployed:
 
 def _load_openvino(weights: Path, device: str, threads: int) -> Deployed:
     import openvino
+    from openvino.frontend import FrontEndManager
 
     core = openvino.Core()
     place = "GPU" if device == "gpu" else "CPU"
     if place not in {name.split(".")[0] for name in core.available_devices}:
         raise InputError(f"OpenVINO sees no {place} here (it sees {core.available_devices}): use --device cpu")
-    model = _read(weights, core.read_model)
+    onnx = FrontEndManager().load_by_framework("onnx")  # others would tell of it in their own words
+    model = _read(weights, lambda path: onnx.convert(onnx.load(path)))
     options: dict[str, Any] = {"PERFORMANCE_HINT": "LATENCY"}
     if place == "CPU":
         options["INFERENCE_NUM_THREADS"] = threads or available_cores()
-    compiled = core.compile_model(model, place, options)
     text = model.get_rt_info(["framework", METADATA]).astype(str) if model.has_rt_info(["framework", METADATA]) else ""
-    image, card = _described(text, weights)
+    image, card = _described(text, weights, [list(each.shape) for each in model.inputs])
+    compiled = core.compile_model(model, place, options)
 
     def run(pixels: Image) -> Image:
         return compiled(pixels[None])[0][0]
@@ -146,7 +148,8 @@ def _load_onnxruntime(weights: Path, device: str, threads: int) -> Deployed:
     use_gpu = has_gpu and device != "cpu"
     providers = [provider] if use_gpu else []
     session = _read(weights, lambda p: onnxruntime.InferenceSession(p, options, [*providers, "CPUExecutionProvider"]))
-    image, card = _described(session.get_modelmeta().custom_metadata_map.get(METADATA, ""), weights)
+    text = session.get_modelmeta().custom_metadata_map.get(METADATA, "")
+    image, card = _described(text, weights, [each.shape for each in session.get_inputs()])
 
     def run(pixels: Image) -> Image:
         return session.run(None, {"image": pixels[None]})[0][0]
@@ -157,18 +160,20 @@ def _load_onnxruntime(weights: Path, device: str, threads: int) -> Deployed:
 def _read(weights: Path, read: Callable[[str], Any]) -> Any:
     try:
         return read(str(weights))
-    except Exception as error:  # the runtimes raise classes of their own
-        reason = " ".join(str(error).split())[:160]
-        raise InputError(f"{weights} cannot be read as an ONNX network ({reason}): export it again") from None
+    except Exception:  # the runtimes raise classes of their own
+        raise InputError(f"{weights} is no ONNX network, or a damaged one: export it again") from None
 
 
-def _described(text: str, weights: Path) -> tuple[ImageSettings, dict[str, Any]]:
-    """Return the image settings and the card that the export wrote into the network."""
+def _described(text: str, weights: Path, shapes: list[Any]) -> tuple[ImageSettings, dict[str, Any]]:
+    """Return the image settings and the card that the export wrote into the network, with inputs of `shapes`."""
     try:
         content = parse_json(text)
         version = content.get("format", 1)
-        if version == FORMAT:
-            return ImageSettings(**content["image"]), content["card"]
+        image, card = (ImageSettings(**content["image"]), content["card"]) if version == FORMAT else (None, {})
     except (ValueError, KeyError, TypeError, AttributeError):  # pydantic's are ValueErrors
         raise InputError(f"{weights} was not exported by automos: automos export-network makes one") from None
-    raise InputError(f"{weights} is a network of format {version}, this version runs {FORMAT}: train it again")
+    if image is None:
+        raise InputError(f"{weights} is a network of format {version}, this version runs {FORMAT}: train it again")
+    if shapes != [[1, len(BASE_CHANNELS) + image.residuals, image.height, image.width]]:
+        raise InputError(f"{weights} takes other images than it says: export it again")
+    return image, card

@@ -17,7 +17,6 @@ import numpy.typing as npt
 from automos.core.atomic import write_text
 from automos.core.parallel import map_in_order
 from automos.core.run import Progress
-from automos.network.augmentation import SEED
 from automos.network.samples import TrainingSamples, ValidationSamples, draw_sector
 from automos.settings import NetworkSettings
 
@@ -70,7 +69,7 @@ class PackedSamples:
         self._epoch, self._order = epoch, np.arange(self._n)
         if self._training is not None:
             wanted = self._training.samples or self._n
-            rng = np.random.default_rng([SEED, epoch, 3])
+            rng = np.random.default_rng([self._training.seed, epoch, 3])
             self._order = np.concatenate([rng.permutation(self._n) for _ in range(-(-wanted // self._n))])[:wanted]
 
     def __len__(self) -> int:
@@ -82,7 +81,7 @@ class PackedSamples:
         row = self._order[index]
         columns: slice | npt.NDArray[np.int64] = slice(None)
         if self._training is not None:
-            rng = np.random.default_rng([SEED, self._epoch, index, 4])
+            rng = np.random.default_rng([self._training.seed, self._epoch, index, 4])
             columns = draw_sector(self._arrays["target"][row], self._training.sector, rng)
             if self._training.augment and rng.random() < 0.5:
                 columns = np.arange(self._arrays["target"].shape[2])[columns][::-1]

@@ -69,20 +69,43 @@ class ThinScan:
     confidence: npt.NDArray[np.float32]
 
 
-class LabelledRecording:
-    """One recording with its poses, its labels and the way its sensor's scans become images."""
+class ScanLabels:
+    """The labels of a recording: those of a results folder, else its own."""
 
-    def __init__(
-        self, sequence: Sequence, trajectory: Trajectory, settings: ImageSettings, results: Path | None = None
-    ):
-        """Take the labels of `results`, else the recording's own; raise InputError if there are none."""
-        self.sequence, self.trajectory, self.settings = sequence, trajectory, settings
+    def __init__(self, sequence: Sequence, results: Path | None = None):
+        """Find them; raise InputError if there are none."""
+        self.sequence, self.results = sequence, results
         self._predictions = None if results is None else find_predictions(results, sequence.name, is_only=True)
         if results is None and all(sequence.truth(i) is None for i in range(min(len(sequence), 10))):
             raise InputError(
                 f"{sequence.name} came without labels: label it first and give RECORDING=RESULTS, or leave it out"
             )
-        self.grid = measure_grid([self._frame(i) for i in evenly_spread(range(len(sequence)), 5)], settings)
+
+    def read(self, index: int, n_points: int) -> tuple[Labels, npt.NDArray[np.float32]]:
+        """Return the (N,) labels of a scan, 0 if nobody labelled it, and how sure each is."""
+        name = self.sequence.names[index]
+        certain = np.ones(n_points, np.float32)
+        if self._predictions is None:
+            truth = self.sequence.truth(index)
+            return (np.zeros(n_points, np.uint8) if truth is None else to_mos(truth)), certain
+        path = self._predictions.parent / "confidences" / f"{name}.npy"
+        if path.exists():
+            certain = read_confidences(path, n_points)
+        return to_mos(read_labels(self._predictions / f"{name}.label", n_points)), certain
+
+    def have(self, label: Label) -> bool:
+        """Whether any point of any scan has `label`; every tenth scan is read first."""
+        scans = sorted(range(len(self.sequence)), key=lambda i: i % 10)
+        return any((self.read(i, len(self.sequence[i]))[0] == label).any() for i in scans)
+
+
+class LabelledRecording:
+    """One recording with its poses, its labels and the way its sensor's scans become images."""
+
+    def __init__(self, labels: ScanLabels, trajectory: Trajectory, settings: ImageSettings):
+        self.sequence, self.trajectory, self.settings = labels.sequence, trajectory, settings
+        self._labels = labels
+        self.grid = measure_grid([self._frame(i) for i in evenly_spread(range(len(self)), 5)], settings)
 
     def __len__(self) -> int:
         return len(self.sequence)
@@ -98,7 +121,7 @@ class LabelledRecording:
         """Return scan `index`, thinned."""
         scan = self.sequence[index]
         frame = make_frame(scan, self.trajectory, index)
-        labels, confidence = self._labels(index, len(scan))
+        labels, confidence = self._labels.read(index, len(scan))
         rows = thin(frame.points, self.grid)
         kept = frame.kept[rows]
         return ThinScan(frame.points[rows], _CLASS[labels[kept]], confidence[kept])
@@ -117,18 +140,6 @@ class LabelledRecording:
 
     def _frame(self, index: int) -> Frame:
         return make_frame(self.sequence[index], self.trajectory, index)
-
-    def _labels(self, index: int, n_points: int) -> tuple[Labels, npt.NDArray[np.float32]]:
-        """Return the (N,) labels of a scan, 0 if nobody labelled it, and how sure each is."""
-        name = self.sequence.names[index]
-        certain = np.ones(n_points, np.float32)
-        if self._predictions is None:
-            truth = self.sequence.truth(index)
-            return (np.zeros(n_points, np.uint8) if truth is None else to_mos(truth)), certain
-        path = self._predictions.parent / "confidences" / f"{name}.npy"
-        if path.exists():
-            certain = read_confidences(path, n_points)
-        return to_mos(read_labels(self._predictions / f"{name}.label", n_points)), certain
 
 
 class Shelf:
@@ -159,18 +170,24 @@ def open_labelled(
 
     Raises
     ------
-    InputError : nothing to read, no labels, or labels of other scans.
+    InputError : nothing to read, no labels, labels of other scans, or nothing that moves or is static in any of them.
     """
-    opened = []
+    labelled = []
     for source in sources:
         sequences = open_recordings(source.recording)
         for sequence in sequences:
             results = source.results
             if results is not None and len(sequences) > 1:
                 results = results / sequence.name
-            trajectory = _trajectory(sequence, results, settings, cache, progress)
-            opened.append(LabelledRecording(sequence, trajectory, settings.network.image, results))
-    return opened
+            labelled.append(ScanLabels(sequence, results))
+    for label in (Label.STATIC, Label.MOVING):  # before poses, which take far longer
+        if not any(labels.have(label) for labels in labelled):
+            names = ", ".join(labels.sequence.name for labels in labelled[:5])
+            raise InputError(f"no {label.name.lower()} point in the labels of {names}: add recordings that have some")
+    return [
+        LabelledRecording(each, _trajectory(each, settings, cache, progress), settings.network.image)
+        for each in labelled
+    ]
 
 
 def measure_grid(frames: list[Frame], settings: ImageSettings) -> ImageGrid:
@@ -179,9 +196,8 @@ def measure_grid(frames: list[Frame], settings: ImageSettings) -> ImageGrid:
     return beam_grid(settings.height, settings.width, pattern.row_of_sine, pattern.n_rows)
 
 
-def _trajectory(
-    sequence: Sequence, results: Path | None, settings: Settings, cache: Path, progress: Progress | None
-) -> Trajectory:
+def _trajectory(labels: ScanLabels, settings: Settings, cache: Path, progress: Progress | None) -> Trajectory:
+    sequence, results = labels.sequence, labels.results
     if results is not None:
         key = Workspace(results).read_run().get("stages", {}).get("odometry")
         if key is not None and Workspace(results).stage("odometry", key).has("all"):

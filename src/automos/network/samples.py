@@ -8,7 +8,7 @@ import numpy.typing as npt
 from automos.core.arrays import evenly_spread
 from automos.core.errors import InputError
 from automos.core.run import Progress
-from automos.network.augmentation import SEED, UNCHANGED, apply_change, draw_change
+from automos.network.augmentation import UNCHANGED, apply_change, draw_change
 from automos.network.images import BASE_CHANNELS, make_image
 from automos.network.recordings import LabelledRecording, Shelf
 from automos.settings import NetworkSettings
@@ -31,7 +31,7 @@ class TrainingSamples:
     def begin_epoch(self, epoch: int) -> None:
         """Draw the windows of an epoch."""
         training, n = self._settings.training, len(self._all)
-        rng = np.random.default_rng([SEED, epoch, 1])
+        rng = np.random.default_rng([training.seed, epoch, 1])
         wanted = training.samples or n
         rounds = -(-wanted // n)
         self._order = self._all[np.concatenate([rng.permutation(n) for _ in range(rounds)])[:wanted]]
@@ -49,9 +49,9 @@ class TrainingSamples:
         if not 0 <= index < len(self):
             raise IndexError(index)
         recording, scan = self._order[index]
-        rng = np.random.default_rng([SEED, self._epoch, index, 2])
-        window, labels = self._shelf.window(int(recording), int(scan))
         size, training = self._settings.image, self._settings.training
+        rng = np.random.default_rng([training.seed, self._epoch, index, 2])
+        window, labels = self._shelf.window(int(recording), int(scan))
         change = draw_change(rng, size.height, size.width) if training.augment else UNCHANGED
         grid = self._shelf.recordings[recording].grid
         window, rows = apply_change(window, change, grid, rng)

@@ -58,17 +58,21 @@ def train(
     MissingExtraError : PyTorch or Lightning is not installed.
     """
     require_training()
+    from automos.network.checkpoint import load_checkpoint, require_shape
     from automos.network.training import train_network
 
     claim(out, TRAINING)
     _claim(out, data, settings, init)
     network = settings.network
+    if init is not None:  # before poses, which take far longer
+        require_shape(load_checkpoint(init), network.image, network.model, init)
     recordings = open_labelled(list(data.train), settings, poses or out / "poses", progress)
     weights = measure_classes(recordings, progress)
     if data.validation:
         validation = open_labelled(list(data.validation), settings, poses or out / "poses", progress)
     else:
         recordings, validation = _split(recordings)
+        measure_classes(validation, progress)  # raises where nothing moves by which an epoch could be chosen
     card = {
         "trained_on": [recording.sequence.name for recording in recordings],
         "scans": sum(len(recording) for recording in recordings),
@@ -76,21 +80,8 @@ def train(
         "started_from": init.name if init else "scratch",
     }
     samples, held_out = _samples(recordings, validation, settings, out, progress)
-    return train_network(
-        samples,
-        held_out,
-        network,
-        weights,
-        measure_scale(recordings, progress),
-        out,
-        card,
-        init,
-        device,
-        devices,
-        progress,
-        loaders,
-        report,
-    )
+    scale, rest = measure_scale(recordings, progress), (card, init, device, devices, progress, loaders, report)
+    return train_network(samples, held_out, network, weights, scale, out, *rest)
 
 
 def _samples(

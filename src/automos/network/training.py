@@ -27,7 +27,6 @@ from torch.utils.data import DataLoader
 
 from automos.core.errors import InputError
 from automos.core.parallel import available_cores
-from automos.network.augmentation import SEED
 from automos.network.callbacks import Kept, Told
 from automos.network.checkpoint import Checkpoint, load_checkpoint, require_shape, save_checkpoint
 from automos.network.module import MONITORED, Training
@@ -102,7 +101,7 @@ def train_network(
     InputError : no such device, or a checkpoint of another shape.
     """
     accelerator = choose_accelerator(device, devices)
-    lightning.seed_everything(SEED, workers=True, verbose=False)
+    lightning.seed_everything(settings.training.seed, workers=True, verbose=False)
     run = Training(settings.model_dump(mode="json"), [float(w) for w in class_weight])
     run.network.set_scale(*scale)
     if init is not None:

@@ -57,6 +57,7 @@ class TrainingSettings(Group):
     validation_scans: int = Field(
         100, ge=1, description="evenly spread scans to validate an epoch; more are more exact and take longer"
     )
+    seed: int = Field(0, ge=0, description="of all that is drawn: scans, how they are changed, the first weights")
     keep: tuple[int, ...] = Field((), description="numbers of epochs after which the network is saved in OUT/epochs")
 
 
