@@ -1,7 +1,7 @@
 """M-detector's parameters, as its authors publish them for each data set, each with its name and line there.
 
 Files of github.com/hku-mars/M-detector: config/kitti/kitti0.yaml at 0645dab (HDL-64E) and
-config/nuscenes/nuscenes0.yaml at 5ce002f (HDL-32E). No other number is in the method but what follows from the sensor,
+config/nuscenes/nuscenes0.yaml at e125a9d (HDL-32E). No other number is in the method but what follows from the sensor,
 as the README asks (lines 98 to 104): depth images as far apart as scans, pixels no finer than rays, the view that the
 sensor has. For KITTI's sensor the file gives a view from -23 to 2 degrees (lines 22, 23), two degrees less than the
 sensor's own.
@@ -107,13 +107,12 @@ KITTI = Parameters(
 
 NUSCENES = replace(
     KITTI,  # what is equal in both files; clusters' voxel and share are in that one alone
-    images=5,  # max_depth_map_num, 12
+    images=10,  # max_depth_map_num, 12
     gap=0.2,  # depth_map_dur, 11
-    row=0.022,  # ver_resolution_max, 100
-    column=0.007,  # hor_resolution_max, 101
+    row=0.022,  # ver_resolution_max, 103
+    column=0.007,  # hor_resolution_max, 104
     blind=0.2,  # blind_dis, 19
     crossing=KITTI.crossing._replace(
-        images=3,  # occluded_map_thr1, 41
         stands=Window(0.01, 0.03, 0.15),  # map_cons_hor_thr1, _ver_thr1, _hor_dis1, 30 to 32
         tolerance=0.3,  # map_cons_depth_thr1, 29
         surface=1.5,  # interp_thr1, 78
