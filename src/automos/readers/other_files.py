@@ -17,6 +17,10 @@ _OTHERS = {
     b"\x89MCAP0": ("an MCAP file by its content", "rename it to {}.mcap"),
     b"#ROSBAG V2": ("a ROS bag by its content", "rename it to {}.bag"),
     b"livox_tech": ("a recording of Livox's viewer", "convert it to a ROS bag with Livox's lvx2rosbag and give that"),
+    **dict.fromkeys(
+        (b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\xc3\xd4", b"\x4d\x3c\xb2\xa1", b"\n\r\r\n"),
+        ("a capture of packets by its content", "rename it to {}.pcap"),
+    ),
 }
 _NAMED = {
     ".e57": (

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.scan import MIN_RANGE
-from automos.readers.columns import MAX_SWEEP, is_measured
+from automos.readers.columns import MAX_SWEEP, find_time_unit, is_measured
 from automos.readers.layouts import LAYOUTS, parse_columns, spell_columns
 from automos.readers.records import SHARE, are_lengths
 
@@ -29,10 +29,10 @@ _DRIVERS = (
     "x,y,z,intensity:u1,_:u1,line:u1",
     "x,y,z,intensity:u1,_:u1,line:u1,t:u4",
     "x,y,z,intensity,t:u4,_:u2,ring:u2,_:u2",
-    "x,y,z,intensity,_:u1,line:u1,timestamp:f8",
     "x,y,z,intensity,ring:u2,timestamp:f8",
+    "x,y,z,intensity,_:u1,line:u1,timestamp:f8",
 )
-"""Structs that are no multiple of four bytes, as drivers write them; more than one may have a size."""
+"""Structs that are no multiple of four bytes, as drivers write them; of one size, those with rings come first."""
 _EXPLAINED = 0.9
 """Share of the variance of elevations that rings explain, or directions of times."""
 _GOING = 0.95
@@ -58,7 +58,7 @@ def columns_of(rows: Rows) -> str | None:
         if size >= behind and (xyz := _coordinates(rows[:, first * width :], kind)) is not None:
             before = _rest_of(rows[:, : first * width], xyz, 0, kind)
             names = {name for name, _ in before}
-            after = [("_", f"V{size - behind}")] if size % 4 else _rest_of(rows, xyz, behind, kind, names)
+            after = _rest_of(rows, xyz, behind, kind, names)
             named = [*before, *((axis, kind) for axis in "xyz"), *after]
             fields = [(f"_{i}" if name == "_" else name, form) for i, (name, form) in enumerate(named)]
             columns = spell_columns(np.dtype(fields))
@@ -127,14 +127,15 @@ def _rest_of(
     """Return names, but those `taken`, and types of the columns from byte `at` on; what cannot be told is left out."""
     found: list[tuple[str, str]] = []
     own, order, size = int(kind[-1]), kind[0], rows.shape[1]
+    step = 1 if size % 4 else 2  # fields of structs without padding begin anywhere
     while at < size:
-        best = ("_", "V2")
-        for width, letter in ((own, "f"), (8, "f"), (8, "u"), (4, "f"), (4, "u"), (2, "u")):
-            aligned = at % (4 if letter == "u" else width) == 0 or width == 2
+        best = nothing = ("_", f"V{step}")
+        for width, letter in ((own, "f"), (8, "f"), (8, "u"), (4, "f"), (4, "u"), (2, "u"), (1, "u")):
+            aligned = step == 1 or width == 2 or (width > 2 and at % (4 if letter == "u" else width) == 0)
             if aligned and at + width <= size and best[0] in ("_", "") and best[1] != f"{order}u2":
                 form = f"{order}{letter}{width}"
                 name = _name_of(_field(rows, at, form), form, xyz, {name for name, _ in found} | {*taken})
-                if name is not None and (width <= own or name == "time") and (name != "_" or best[1] == "V2"):
+                if name is not None and (width <= own or name == "time") and (name != "_" or best == nothing):
                     best = (name, form)
         found.append(best)
         at += np.dtype(best[1]).itemsize
@@ -169,7 +170,7 @@ def _is_time(values: npt.NDArray, xyz: npt.NDArray[np.float64]) -> bool:
     size = np.abs(values[values != 0])
     if not (is_measured(values).all() and float(np.ptp(values)) > _SHORTEST and (size > _TICK).all()):
         return False
-    if len(np.unique(values)) < 3:  # a flag
+    if len(np.unique(values)) < 3 or np.ptp(values) * find_time_unit(values) > MAX_SWEEP:  # a flag; parts of numbers
         return False
     direction = np.degrees(np.arctan2(xyz[:, 1], xyz[:, 0])) + 180.0
     return _goes_on(values) or _explains(direction, values.astype(np.float64), _seen(xyz))

@@ -280,13 +280,13 @@ LIVOX = [(1, 96, True), (2, 96, True), (3, 96, True), (0, 100, False), (1, 100, 
 
 
 @pytest.mark.parametrize(("kind", "n", "is_second"), LIVOX)
-@pytest.mark.parametrize("suffix", [".pcap", ".lvx"])
+@pytest.mark.parametrize("suffix", [".pcap", ".PCAP", ".lvx"])
 def test_the_points_of_a_livox_are_those_of_its_packets_a_scan_each_tenth_of_a_second(
     tmp_path, kind, n, is_second, suffix
 ):
     packets, xyz, intensity = livox_drive(kind, n, is_second)
-    if suffix == ".pcap":
-        path = send(tmp_path / "drive.pcap", packets)
+    if suffix != ".lvx":
+        path = send(tmp_path / f"drive{suffix}", packets)
     else:
         frames = [[raw for _, raw in packets[k : k + 125]] for k in range(0, len(packets), 125)]
         path = tmp_path / ("drive.lvx2" if is_second else "drive.lvx")

@@ -117,6 +117,11 @@ class Capture:
         return data, [row[:n] for row in rows], end, is_whole
 
 
+def is_capture(path: Path) -> bool:
+    """Return whether a file has the name of a capture."""
+    return path.suffix.lower() in CAPTURES and path.is_file()
+
+
 def open_capture(path: Path) -> Capture:
     """Return the capture at `path`; InputError where it cannot be read, or is none."""
     try:

@@ -20,7 +20,7 @@ from automos.readers.listed import require_increasing
 from automos.readers.packets.beams import TOLD, table_beside
 from automos.readers.packets.decode import Decoder, make_decoder, to_scan
 from automos.readers.packets.lvx import SUFFIXES, LvxFile
-from automos.readers.packets.pcap import CAPTURES, Capture, Datagrams, join, open_capture, sender_name
+from automos.readers.packets.pcap import Capture, Datagrams, is_capture, join, open_capture, sender_name
 from automos.readers.packets.sweeps import find_packets, find_sweeps, kinds_in
 from automos.readers.sensor_choice import SensorSequence, choose_sensor
 
@@ -37,7 +37,7 @@ def holds_packets(path: Path) -> bool:
     """Return whether `path` is a file with packets of points that are known."""
     if path.suffix.lower() in SUFFIXES:
         return path.is_file()
-    if path.suffix not in CAPTURES or not path.is_file():
+    if not is_capture(path):
         return False
     try:
         return any(kinds_in(open_capture(path)))
