@@ -4,14 +4,16 @@ Coordinates come first, or behind one or two others. Rings are whole numbers tha
 from point to point or with the direction, and the first of the other numbers that is not negative is the intensity.
 """
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.errors import InputError
 from automos.core.scan import MIN_RANGE
-from automos.readers.columns import MAX_SWEEP, find_time_unit, is_measured
+from automos.readers.columns import MAX_COLUMNS, MAX_SWEEP, UNNAMED, find_time_unit, is_measured
 from automos.readers.layouts import LAYOUTS, parse_columns, spell_columns
 from automos.readers.records import SHARE, are_lengths
 
@@ -43,16 +45,44 @@ _ALIKE = 0.3
 """Correlation of the coordinates of a point with those of the next."""
 _BEAMS = 1024
 """More than any sensor has."""
+_ROWS = 12_000
+"""Rows of an array without names that are looked at."""
 
 
-def columns_of(rows: Rows) -> str | None:
-    """Return the columns of (N, size) `rows`, None where their coordinates cannot be any."""
+def names_of(matrix: npt.NDArray, path: Path) -> Sequence[str]:
+    """Return what the columns of an (N, C) array without names are: x, y, z, intensity, ring, or what they show.
+
+    Raises
+    ------
+    InputError
+        Others come before x, y and z, as it seems.
+    """
+    n = matrix.shape[1] if matrix.ndim == 2 else 0
+    if not 3 < n <= MAX_COLUMNS or len(matrix) <= ENOUGH:
+        return UNNAMED
+    rows = np.ascontiguousarray(matrix[:: max(len(matrix) // _ROWS, 1)], "<f8").view(np.uint8)
+    with np.errstate(all="ignore"):
+        found = parse_columns(columns_of(rows, ("<f8",)) or LAYOUTS["bin"])
+    names = ["_" if name.startswith("_") else name for name in found.names or ()]
+    if len(names) != n or found.itemsize != 8 * n:
+        return UNNAMED
+    if names[:3] != ["x", "y", "z"]:
+        said = ",".join(names)
+        raise InputError(f"{path} does not name its columns, which seem to be {said}; name them with --columns {said}")
+    usual = UNNAMED if n == len(UNNAMED) else UNNAMED[:4]
+    left = [name if name not in names else "_" for name in usual] + ["_"] * n
+    named = [own if own != "_" else other for own, other in zip(names, left, strict=False)]
+    return [f"_{k}" if name == "_" else name for k, name in enumerate(named)]
+
+
+def columns_of(rows: Rows, kinds: Sequence[str] = _KINDS) -> str | None:
+    """Return the columns of (N, size) `rows`, None where their coordinates, of `kinds`, cannot be any."""
     size = rows.shape[1]
     for columns in _DRIVERS:
         dtype = parse_columns(columns)
         if dtype.itemsize == size and _is_of(np.ascontiguousarray(rows).view(dtype)[:, 0]):
             return columns
-    for kind, first in product(_KINDS, range(3)):
+    for kind, first in product(kinds, range(3)):
         width = int(kind[-1])
         behind = (first + 3) * width
         if size >= behind and (xyz := _coordinates(rows[:, first * width :], kind)) is not None:
