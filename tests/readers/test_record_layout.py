@@ -42,6 +42,12 @@ RECORDS = {
     ),
     "x,y,z,intensity,ring:u2": np.dtype([*XYZ, ("intensity", "<f4"), ("ring", "<u2")]),
     "x,y,z,intensity,ring:u2,time": np.dtype([*XYZ, ("intensity", "<f4"), ("ring", "<u2"), ("time", "<f4")]),
+    "x,y,z,intensity,ring:u2,timestamp:f8": np.dtype([*XYZ, ("intensity", "<f4"), ("ring", "<u2"), ("time", "<f8")]),
+    "x,y,z,intensity,time:f8,ring:u2": np.dtype([*XYZ, ("intensity", "<f4"), ("time", "<f8"), ("ring", "<u2")]),
+    "x,y,z,intensity,ring:u1,time": np.dtype([*XYZ, ("intensity", "<f4"), ("ring", "u1"), ("time", "<f4")]),
+    "x:f8,y,z,intensity:f4,ring:u2": np.dtype(
+        [*((axis, "<f8") for axis in "xyz"), ("intensity", "<f4"), ("ring", "<u2")]
+    ),
 }
 
 
@@ -85,9 +91,8 @@ def test_columns_are_those_that_were_written(tmp_path, scans, spelled, is_even):
             np.testing.assert_allclose(scan.time, columns["time"] - columns["time"].min(), atol=1e-6)
 
 
-@pytest.mark.parametrize("with_ring", [False, True])
-def test_nanoseconds_since_1970_are_times_of_eight_bytes(tmp_path, scans, with_ring):
-    ring = [("ring", "<f4")] * with_ring
+@pytest.mark.parametrize("ring", [[], [("ring", "<f4")], [("ring", "<u2")]], ids=["none", "floats", "two bytes"])
+def test_nanoseconds_since_1970_are_times_of_eight_bytes(tmp_path, scans, ring):
     dtype = np.dtype([*XYZ, ("intensity", "<f4"), *ring, ("time", "<u8")])
     start = 1_617_000_000_123_456_789
     since = [
@@ -97,6 +102,7 @@ def test_nanoseconds_since_1970_are_times_of_eight_bytes(tmp_path, scans, with_r
     np.testing.assert_allclose(sequence.stamps - 1e-9 * start, 0.1 * np.arange(len(scans)), atol=1e-6)
     for scan, one in zip(sequence, scans, strict=True):
         np.testing.assert_allclose(scan.time, one["time"] - one["time"].min(), atol=1e-6)
+        assert (scan.ring is not None) == bool(ring)
 
 
 @pytest.mark.parametrize("spelled", ["x,y,z,intensity", "x,y,z,intensity,ring,time", "x:f8,y,z,intensity"])

@@ -97,9 +97,10 @@ def columns_of(rows: Rows, kinds: Sequence[str] = _KINDS) -> str | None:
 
 
 def has_numbers(rows: Rows) -> bool:
-    """Return whether (N, size) `rows` may begin with three lengths, of any type."""
+    """Return whether (N, size) `rows` may begin with three lengths, of any type, or with a time before them."""
     width = rows.shape[1] // 3
-    return any(int(kind[-1]) <= width and are_lengths(_first_three(rows, kind)) for kind in _KINDS)
+    at_once = any(int(kind[-1]) <= width and are_lengths(_first_three(rows, kind)) for kind in _KINDS)
+    return at_once or (width > 6 and any(are_lengths(_first_three(rows[:, 8:], kind)) for kind in ("<f4", ">f4")))
 
 
 def _first_three(rows: Rows, kind: str) -> npt.NDArray[np.float64]:
@@ -146,9 +147,14 @@ def _is_of(points: npt.NDArray) -> bool:
     """Return whether (N,) `points` can be of a driver: floats are lengths, rings and times are what they are called."""
     names = points.dtype.names or ()
     xyz = np.stack([points[axis] for axis in "xyz"], axis=1).astype(np.float64)
-    is_like = {"ring": _is_ring, "time": _is_time, "timestamp": _is_time, "t": _is_time}
+    is_like = dict.fromkeys(("time", "timestamp", "t"), _is_time) | {"ring": _is_ring, "line": _is_line}
     are_floats = all(are_lengths(points[name]) for name in names if points.dtype[name].str == "<f4")
     return are_floats and all(is_like[name](points[name], xyz) for name in names if name in is_like)
+
+
+def _is_line(values: npt.NDArray, xyz: npt.NDArray[np.float64]) -> bool:
+    """Return whether (N,) `values` may be of beams that cross: a byte of something else is the same everywhere."""
+    return len(np.unique(values)) > 1
 
 
 def _rest_of(
@@ -157,16 +163,22 @@ def _rest_of(
     """Return names, but those `taken`, and types of the columns from byte `at` on; what cannot be told is left out."""
     found: list[tuple[str, str]] = []
     own, order, size = int(kind[-1]), kind[0], rows.shape[1]
-    step = 1 if size % 4 else 2  # fields of structs without padding begin anywhere
+    is_packed = size % 4 > 0  # fields of structs without padding begin anywhere
+    tried = [(own, "f"), (8, "f"), (8, "u"), (4, "f"), (4, "u"), (2, "u")] + [(1, "u")] * is_packed
     while at < size:
-        best = nothing = ("_", f"V{step}")
-        for width, letter in ((own, "f"), (8, "f"), (8, "u"), (4, "f"), (4, "u"), (2, "u"), (1, "u")):
-            aligned = step == 1 or width == 2 or (width > 2 and at % (4 if letter == "u" else width) == 0)
-            if aligned and at + width <= size and best[0] in ("_", "") and best[1] != f"{order}u2":
+        best = nothing = ("_", "V1" if is_packed else "V2")
+        for width in (2, 1) if is_packed and "ring" not in {name for name, _ in found} | {*taken} else ():
+            if best == nothing and at + width <= size and _is_ring(_field(rows, at, f"{order}u{width}"), xyz):
+                best = ("ring", f"{order}u{width}")
+        for width, letter in tried:
+            is_aligned = is_packed or at % min(width, 4) == 0
+            if is_aligned and at + width <= size and best[0] == "_":
                 form = f"{order}{letter}{width}"
                 name = _name_of(_field(rows, at, form), form, xyz, {name for name, _ in found} | {*taken})
                 if name is not None and (width <= own or name == "time") and (name != "_" or best == nothing):
                     best = (name, form)
+        if best == nothing and is_packed and at == 3 * own and len(np.unique(rows[:, at])) > 1:
+            best = ("intensity", f"{order}u1")  # what drivers write there
         found.append(best)
         at += np.dtype(best[1]).itemsize
     return found

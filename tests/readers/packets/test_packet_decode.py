@@ -324,6 +324,18 @@ def test_sensors_of_several_makers_in_a_capture_are_told_apart(tmp_path):
     assert open_sequence(path / "192.168.1.3-56300").about == {"files": "of a Livox"}
 
 
+def test_packets_that_were_captured_twice_are_there_once_and_their_beginnings_are_told(tmp_path):
+    packets, _, ranges = drive("PandarXT-32", 2)
+    twice = send(tmp_path / "twice.pcap", [packet for packet in packets for _ in range(2)])
+    assert sum(len(scan) for scan in open_sequence(twice)) == (ranges > 0).sum()
+    raw = b"".join(
+        struct.pack("<IIII", 1, k, 96, len(udp(packet))) + udp(packet)[:96] for k, (_, packet) in enumerate(packets)
+    )
+    (tmp_path / "cut.pcap").write_bytes(struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 96, 1) + raw)
+    with pytest.raises(InputError, match=r"cut.pcap holds only the beginning of its packets"):
+        open_sequence(tmp_path / "cut.pcap")
+
+
 def test_packets_of_no_known_kind_are_none():
     for layout in LAYOUTS:
         assert layout_of(bytes(layout.size)) is None or layout.sensor == "Livox"

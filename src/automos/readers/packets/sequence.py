@@ -40,9 +40,13 @@ def holds_packets(path: Path) -> bool:
     if not is_capture(path):
         return False
     try:
-        return any(kinds_in(open_capture(path)))
+        capture = open_capture(path)
     except InputError:
         return False
+    try:
+        return any(kinds_in(capture))
+    except InputError:  # told when it is opened
+        return True
 
 
 class PacketSequence(SensorSequence):
