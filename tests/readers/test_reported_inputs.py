@@ -318,7 +318,9 @@ TEXTS = {
     "dates": ("stamp;x;y;z;intensity;ring", "2024-05-01 12:00:00.123;{0};{1};{2};{3:.4f};{4}"),
     "words between blanks": ("x y z kind intensity ring", "{0} {1} {2} tree {3:.4f} {4}"),
     "titles above, units below": (
-        "LiDAR export of May\nframe;drive\nx;y;z;intensity;ring\nm;m;m;-;-", "{0};{1};{2};{3:.4f};{4}"),
+        "LiDAR export of May\nframe;drive\nx;y;z;intensity;ring\nm;m;m;-;-",
+        "{0};{1};{2};{3:.4f};{4}",
+    ),
     "bars": ("x|y|z|intensity|ring", "{0}|{1}|{2}|{3:.4f}|{4}"),
     "exponents": ("x y z intensity ring", "{0:.7e} {1:+.7E} {2:.7e} {3:.4f} {4}"),
 }

@@ -48,7 +48,8 @@ def what_to_do(path: Path) -> str | None:
             f"{path} is compressed ({kind}), so its scans cannot be read one by one; unpack it "
             f"({command.format(path.name)}) and give what comes out"
         )
-    known = next((what for magic, what in _OTHERS.items() if start.startswith(magic)), None)
+    is_named = path.suffix.lower() in (".pcap", ".pcapng")
+    known = next((what for magic, what in _OTHERS.items() if start.startswith(magic) and not is_named), None)
     known = known or _NAMED.get(path.suffix.lower())
     return None if known is None else f"{path} is {known[0]}, which is not read as it is; {known[1].format(path.name)}"
 

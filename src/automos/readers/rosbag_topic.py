@@ -24,8 +24,8 @@ from automos.readers.time_order import count_unset, put_in_order, usual_step
 from automos.readers.topic_messages import TopicMessages
 from automos.readers.units import unit_of
 
-_TOO_SLOW = 500.0
-"""Times the step of recording from which headers count something else than seconds: no bag is played as fast."""
+_TOO_SLOW = 40.0, 500.0
+"""Seconds from scan to scan, and times the step of recording, from which headers count something else than seconds."""
 
 
 class RosbagSequence(Sequence):
@@ -179,7 +179,8 @@ class RosbagSequence(Sequence):
         recorded = (1e-9 * self._messages.rows[:, 0]).astype(np.float64)
         said, n_unset = [], count_unset(stamps)
         fault = f"{n_unset} of {len(stamps)} headers have no stamp" if n_unset else ""
-        if (own := usual_step(stamps)) and (step := usual_step(recorded)) and own / step > _TOO_SLOW:
+        own, step = usual_step(stamps) or 0.0, usual_step(recorded) or np.inf
+        if own > _TOO_SLOW[0] and own / step > _TOO_SLOW[1]:
             fault = f"a scan comes every {own:.3g} s by the headers, and every {step:.3g} s as it was recorded"
         if fault:
             said = [f"{self._where()}: {fault}; the times of recording are taken for all scans."]

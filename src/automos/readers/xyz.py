@@ -87,7 +87,7 @@ def _with_units(names: list[str], lines: bytes) -> tuple[list[str], bytes]:
     """Return the names with the units that the first line holds, if it does, and the lines behind these."""
     first, _, rest = lines.partition(b"\n")
     units = _names_in(first) if names else []
-    if len(units) != len(names) or any(map(_is_number, units)):
+    if not units or len(units) != len(names) or any(map(_is_number, units)):
         return names, lines
     return [f"{name} [{unit.strip('[](){}')}]" for name, unit in zip(names, units, strict=True)], rest
 
@@ -107,7 +107,9 @@ def _without_words(names: list[str], numbers: bytes) -> tuple[list[str], bytes]:
     told = [line.split(divider) for line in lines]
     for k in (k for k, name in enumerate(names) if is_time(name) and not is_kept[k]):
         with suppress(ValueError):  # no date
-            for row, date in zip(told, np.array([_as_date(row[k]) for row in told], "M8[ns]").view(np.int64), strict=True):
+            for row, date in zip(
+                told, np.array([_as_date(row[k]) for row in told], "M8[ns]").view(np.int64), strict=True
+            ):
                 row[k] = b"%d" % date
             is_kept[k] = True
     return list(compress(names, is_kept)), b"\n".join(b" ".join(compress(row, is_kept)) for row in told)
