@@ -14,7 +14,7 @@ from automos.core.errors import InputError
 from automos.core.reading import MAX_TEXT, read_array
 from automos.readers.columns import MAX_COLUMNS, UNNAMED, Columns, from_matrix
 from automos.readers.layouts import parse_columns
-from automos.readers.record_columns import names_of
+from automos.readers.record_layout import names_of
 from automos.readers.records import columns_of_field
 
 _POINTS = ("points", "point_cloud", "pointcloud", "pc", "cloud", "lidar", "scan", "xyzi", "xyz", "data", "arr_0")

@@ -19,8 +19,8 @@ from automos.core.scan import Scan
 from automos.readers.foreign import limited
 from automos.readers.formats import Format, import_extra, recordings_at
 from automos.readers.listed import require_increasing
-from automos.readers.packets.pcap import is_capture, require_whole
-from automos.readers.sensor_choice import SensorSequence, choose_sensor
+from automos.readers.packets.pcap import require_whole
+from automos.readers.sensor_choice import SensorSequence, choose_sensor, is_capture
 
 _RETURNS = (("RANGE", "REFLECTIVITY"), ("RANGE2", "REFLECTIVITY2"))
 _TURN, _FARTHEST_MOUNT = 360.0, 1e4

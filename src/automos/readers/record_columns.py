@@ -6,14 +6,12 @@ from point to point or with the direction, and the first of the other numbers th
 
 from collections.abc import Collection, Sequence
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.errors import InputError
 from automos.core.scan import MIN_RANGE
-from automos.readers.columns import MAX_COLUMNS, MAX_SWEEP, UNNAMED, find_time_unit, is_measured
+from automos.readers.columns import MAX_SWEEP, find_time_unit, is_measured
 from automos.readers.layouts import LAYOUTS, parse_columns, spell_columns
 from automos.readers.records import SHARE, are_lengths
 
@@ -43,36 +41,10 @@ _SHORTEST, _TICK = 1e-3, 1e-12
 """Seconds that a sweep lasts, at least, and that no clock tells apart."""
 _ALIKE = 0.3
 """Correlation of the coordinates of a point with those of the next."""
+_SAME = 0.6
+"""Correlation of all coordinates with each other from which they are those of one axis, of points side by side."""
 _BEAMS = 1024
 """More than any sensor has."""
-_ROWS = 12_000
-"""Rows of an array without names that are looked at."""
-
-
-def names_of(matrix: npt.NDArray, path: Path) -> Sequence[str]:
-    """Return what the columns of an (N, C) array without names are: x, y, z, intensity, ring, or what they show.
-
-    Raises
-    ------
-    InputError
-        Others come before x, y and z, as it seems.
-    """
-    n = matrix.shape[1] if matrix.ndim == 2 else 0
-    if not 3 < n <= MAX_COLUMNS or len(matrix) <= ENOUGH:
-        return UNNAMED
-    rows = np.ascontiguousarray(matrix[:: max(len(matrix) // _ROWS, 1)], "<f8").view(np.uint8)
-    with np.errstate(all="ignore"):
-        found = parse_columns(columns_of(rows, ("<f8",)) or LAYOUTS["bin"])
-    names = ["_" if name.startswith("_") else name for name in found.names or ()]
-    if len(names) != n or found.itemsize != 8 * n:
-        return UNNAMED
-    if names[:3] != ["x", "y", "z"]:
-        said = ",".join(names)
-        raise InputError(f"{path} does not name its columns, which seem to be {said}; name them with --columns {said}")
-    usual = UNNAMED if n == len(UNNAMED) else UNNAMED[:4]
-    left = [name if name not in names else "_" for name in usual] + ["_"] * n
-    named = [own if own != "_" else other for own, other in zip(names, left, strict=False)]
-    return [f"_{k}" if name == "_" else name for k, name in enumerate(named)]
 
 
 def columns_of(rows: Rows, kinds: Sequence[str] = _KINDS) -> str | None:
@@ -98,9 +70,11 @@ def columns_of(rows: Rows, kinds: Sequence[str] = _KINDS) -> str | None:
 
 def has_numbers(rows: Rows) -> bool:
     """Return whether (N, size) `rows` may begin with three lengths, of any type, or with a time before them."""
-    width = rows.shape[1] // 3
-    at_once = any(int(kind[-1]) <= width and are_lengths(_first_three(rows, kind)) for kind in _KINDS)
-    return at_once or (width > 6 and any(are_lengths(_first_three(rows[:, 8:], kind)) for kind in ("<f4", ">f4")))
+    for first, kind in product((0, 8), _KINDS):
+        places = rows[:, first : first + 3 * int(kind[-1])]
+        if places.shape[1] == 3 * int(kind[-1]) and are_lengths(_first_three(places, kind)):
+            return True
+    return False
 
 
 def _first_three(rows: Rows, kind: str) -> npt.NDArray[np.float64]:
@@ -130,16 +104,19 @@ def _field(rows: Rows, at: int, kind: str) -> npt.NDArray:
 
 def _coordinates(rows: Rows, kind: str) -> npt.NDArray[np.float64] | None:
     """Return (N, 3) the first three numbers of each row where they can be coordinates, else None."""
-    xyz = _first_three(rows, kind)
+    xyz, width = _first_three(rows, kind), int(kind[-1])
     known = xyz[np.isfinite(xyz).all(axis=1) & xyz.any(axis=1)]
     if not are_lengths(xyz) or len(known) == 0:
         return None
     is_whole = (known == np.floor(known)).mean(axis=0) > SHARE
     is_number = is_whole.any() and not is_whole.all()
     is_share = (known.min(axis=0) >= 0.0) & (known.max(axis=0) <= 1.0)  # no sweep lies within a metre
-    is_other = is_number or is_share.any() or not np.ptp(known[:, :2], axis=0).all()
-    is_clock = known[:, 0].min() >= 0.0 or known[:, 0].max() <= 0.0 or np.ptp(known[:, 0]) <= MAX_SWEEP
-    is_other = is_other or any(map(_goes_once, known.T)) or (is_clock and _is_time(known[:, 0], known[:, [1, 2, 2]]))
+    is_clock = (known.min(axis=0) >= 0.0) | (known.max(axis=0) <= 0.0) | (np.ptp(known, axis=0) <= MAX_SWEEP)
+    goes_once = any(is_clock & np.array([_goes_once(values) for values in known.T]))
+    are_next = np.corrcoef(known.T).min() > _SAME  # numbers that lie behind one another are of one axis
+    is_other = is_number or is_share.any() or not np.ptp(known[:, :2], axis=0).all() or goes_once or are_next
+    if not is_other and is_clock[0] and _is_time(known[:, 0], known[:, [1, 2, 2]]):
+        is_other = rows.shape[1] >= 4 * width and _coordinates(rows[:, width:], kind) is not None
     return None if is_other and len(known) > ENOUGH else xyz
 
 

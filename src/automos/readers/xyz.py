@@ -19,7 +19,8 @@ from automos.core.reading import read_bytes
 from automos.readers.column_names import is_time, plain_names
 from automos.readers.columns import UNNAMED, Columns, from_matrix
 from automos.readers.layouts import parse_columns
-from automos.readers.record_columns import ENOUGH, names_of
+from automos.readers.record_columns import ENOUGH
+from automos.readers.record_layout import names_of
 from automos.readers.text import parse_table
 
 _DIVIDERS = bytes.maketrans(b",;", b"  ")

@@ -18,8 +18,6 @@ from numpy.lib.stride_tricks import sliding_window_view
 from automos.core.errors import InputError
 from automos.core.kernels import kernel
 
-CAPTURES = (".pcap", ".pcapng")
-"""What the names of captures end in."""
 _MAGIC = {0xA1B2C3D4: 1e-6, 0xA1B23C4D: 1e-9}
 """First four bytes, and the seconds that a fraction counts."""
 _PCAPNG, _NG_ORDER = b"\n\r\r\n", 0x1A2B3C4D
@@ -115,11 +113,6 @@ class Capture:
         rows: list[npt.NDArray] = [np.empty(most, kind) for kind in (np.int64, np.int64, np.float64, np.int64)]
         n, end, is_whole = _walk(data, n_bytes, self.is_big, self.is_ng, self.units, self.before_ip, *rows)
         return data, [row[:n] for row in rows], end, is_whole
-
-
-def is_capture(path: Path) -> bool:
-    """Return whether a file has the name of a capture."""
-    return path.suffix.lower() in CAPTURES and path.is_file()
 
 
 def open_capture(path: Path) -> Capture:
