@@ -67,13 +67,16 @@ def are_angles(cloud: npt.NDArray[np.floating]) -> bool:
     for order, turn in product(permutations(range(3)), (np.pi, 180.0)):
         away, around, up = known[:, order].T
         width = np.ptp(around) / (2.0 * turn) if len(known) >= MIN_POINTS else np.inf
-        if width > 1.0 + _NEARLY or away.min() < 0.0 or np.abs(up).max() > 0.5 * turn:
+        is_narrow = width < 1.0 - _NEARLY
+        if width > 1.0 + _NEARLY or (is_narrow and 2 * len(known) < _ASKED):
+            continue
+        if away.min() < 0.0 or not away.any() or np.abs(up).max() > 0.5 * turn:
             continue
         around, up = around * np.pi / turn, up * np.pi / turn
         level = away * np.cos(up)
         polar = np.column_stack([level * np.cos(around), level * np.sin(around), away * np.sin(up)])
         spread = _spread_of_ranges(known) if spread is None else spread
-        if _spread_of_ranges(polar) < (_AS_SMOOTH if width > 1.0 - _NEARLY else 1.0 / _CLEARLY) * spread:
+        if _spread_of_ranges(polar) < (1.0 / _CLEARLY if is_narrow else _AS_SMOOTH) * spread:
             return True
     return False
 
