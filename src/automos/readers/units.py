@@ -59,8 +59,8 @@ def unit_of(cloud: npt.NDArray[np.floating]) -> tuple[float, list[str]]:
     return unit, [f"coordinates reach {far:,.0f} from the sensor, which are not metres; they are taken for {name}."]
 
 
-def are_angles(cloud: npt.NDArray[np.floating]) -> bool:
-    """Return whether the columns of a scan, `cloud` (N, 3), are a range and two angles of a turning sensor."""
+def are_angles(cloud: npt.NDArray[np.floating], turns: bool = False) -> bool:
+    """Return whether the columns of a scan, `cloud` (N, 3), are a range and two angles, if `turns`, of a whole turn."""
     known = cloud[np.isfinite(cloud).all(axis=1) & cloud.any(axis=1)].astype(np.float64)
     known = known[np.random.default_rng(0).permutation(len(known))[:_AMONG]]
     spread: float | None = None
@@ -68,7 +68,8 @@ def are_angles(cloud: npt.NDArray[np.floating]) -> bool:
         away, around, up = known[:, order].T
         width = np.ptp(around) / (2.0 * turn) if len(known) >= MIN_POINTS else np.inf
         is_narrow = width < 1.0 - _NEARLY
-        if width > 1.0 + _NEARLY or (is_narrow and 2 * len(known) < _ASKED):
+        is_far = np.abs(around).max(initial=0.0) > 2.0 * turn  # as places on a map are
+        if width > 1.0 + _NEARLY or (is_narrow and (turns or is_far or 2 * len(known) < _ASKED)):
             continue
         if away.min() < 0.0 or not away.any() or np.abs(up).max() > 0.5 * turn:
             continue
