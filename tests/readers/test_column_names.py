@@ -33,6 +33,27 @@ def test_what_stands_before_all_axes_is_left_out_before_the_others():
     assert all(column is not None for column in (scan.intensity, scan.ring, scan.time))
 
 
+@pytest.mark.parametrize("name", ["timeOffset", "relative_time", "t_offset", "Time Stamp [us]", "offset_time_ns"])
+@pytest.mark.parametrize("ring", ["laserID", "Laser Channel", "ring_index", "Row"])
+def test_words_of_a_name_may_be_divided_or_not(name, ring):
+    columns = dict.fromkeys(("x", "y", "z", ring), np.arange(4.0)) | {name: np.arange(4.0) * 1000}
+    scan = to_scan(columns, Path("a.csv"))
+    assert scan.ring.tolist() == [0, 1, 2, 3]
+    assert scan.time[-1] > 0
+
+
+def test_coordinates_of_the_first_of_two_returns_are_taken():
+    assert plain_names(["X1 (m)", "Y1 (m)", "Z1 (m)", "X2 (m)"]) == ["x", "y", "z", "x2"]
+    assert plain_names(["x", "y", "z", "x1", "y1", "z1"]) == ["x", "y", "z", "x1", "y1", "z1"]
+
+
+def test_points_of_several_scans_in_a_file_are_told():
+    columns = dict.fromkeys("xyz", np.arange(4.0))
+    assert len(to_scan({**columns, "Frame": np.full(4, 7)}, Path("a.csv"))) == 4
+    with pytest.raises(InputError, match=r"a.csv holds the points of 2 scans; write a file for each"):
+        to_scan({**columns, "Frame": np.array([7, 7, 8, 8])}, Path("a.csv"))
+
+
 def test_other_units_and_coordinates_that_are_there_twice_are_refused():
     with pytest.raises(InputError, match="another unit than metres"):
         by_plain_names(dict.fromkeys(["x (ft)", "y (ft)", "z (ft)"], np.zeros(3)), Path("a.csv"))

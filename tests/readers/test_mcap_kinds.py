@@ -177,6 +177,17 @@ def test_foxgloves_clouds_are_read_without_their_definition(tmp_path, case, gap)
     assert_is_the_log(sequence, log)
 
 
+def test_foxgloves_stamps_may_be_dates(tmp_path):
+    scan = street_log().scans[0]
+    parts = cloud({axis: scan.points[:, k] for k, axis in enumerate("xyz")}, gap=0)
+    parts.fields = [(name, at, 7) for name, at, _ in parts.fields]
+    told = json.loads(as_json(scan, parts, 0, USUAL)) | {"timestamp": "2024-05-01T12:00:00.250Z"}
+    path = write_mcap(
+        tmp_path / "log.mcap", [(0, json.dumps(told).encode())], ("foxglove.PointCloud", "jsonschema", b""), "json"
+    )
+    assert open_sequence(path).stamps.tolist() == [1_714_564_800.25]
+
+
 def test_foxgloves_types_may_be_names_and_unknown_ones_are_told(tmp_path):
     scan = street_log().scans[0]
     parts = cloud({axis: scan.points[:, k] for k, axis in enumerate("xyz")}, gap=0)

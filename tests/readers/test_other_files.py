@@ -36,6 +36,7 @@ def test_what_is_compressed_is_to_be_unpacked_and_is_not_called_damaged(tmp_path
         ("recording", b"\x89MCAP0\r\n" + bytes(40), "rename it to recording.mcap"),
         ("log.txt2", b"#ROSBAG V2.0\n" + bytes(40), "rename it to log.txt2.bag"),
         ("renamed.bin2", b"livox_tech".ljust(16, b"\0"), "Livox's viewer"),
+        ("drive.pcap1", b"\xd4\xc3\xb2\xa1" + bytes(20), "rename it to drive.pcap1.pcap"),
     ],
 )
 def test_recordings_of_other_kinds_are_named_with_what_converts_them(tmp_path, name, content, told):

@@ -369,7 +369,7 @@ def test_a_file_that_names_its_columns_is_given_no_others(tmp_path, write_points
         read_columns(tmp_path / "a.pcd", "pcd", "x,y,z")
 
 
-@pytest.mark.parametrize("shape", ["4xN", "image", "archive", "archive of columns", "archive of one"])
+@pytest.mark.parametrize("shape", ["4xN", "image", "planes", "archive", "archive of columns", "archive of one"])
 def test_arrays_lie_in_many_ways(tmp_path, shape):
     rows = np.random.default_rng(0).normal(size=(240, 4)).astype(np.float32)
     path = tmp_path / ("a.npz" if shape.startswith("archive") else "a.npy")
@@ -378,6 +378,8 @@ def test_arrays_lie_in_many_ways(tmp_path, shape):
             np.save(path, rows.T)
         case "image":
             np.save(path, rows.reshape(12, 20, 4))
+        case "planes":
+            np.save(path, rows.T.reshape(4, 12, 20))
         case "archive":
             np.savez_compressed(path, points=rows, pose=np.eye(4))
         case "archive of columns":

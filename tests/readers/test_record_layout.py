@@ -42,6 +42,12 @@ RECORDS = {
     ),
     "x,y,z,intensity,ring:u2": np.dtype([*XYZ, ("intensity", "<f4"), ("ring", "<u2")]),
     "x,y,z,intensity,ring:u2,time": np.dtype([*XYZ, ("intensity", "<f4"), ("ring", "<u2"), ("time", "<f4")]),
+    "x,y,z,intensity,ring:u2,timestamp:f8": np.dtype([*XYZ, ("intensity", "<f4"), ("ring", "<u2"), ("time", "<f8")]),
+    "x,y,z,intensity,time:f8,ring:u2": np.dtype([*XYZ, ("intensity", "<f4"), ("time", "<f8"), ("ring", "<u2")]),
+    "x,y,z,intensity,ring:u1,time": np.dtype([*XYZ, ("intensity", "<f4"), ("ring", "u1"), ("time", "<f4")]),
+    "x:f8,y,z,intensity:f4,ring:u2": np.dtype(
+        [*((axis, "<f8") for axis in "xyz"), ("intensity", "<f4"), ("ring", "<u2")]
+    ),
 }
 
 
@@ -85,9 +91,8 @@ def test_columns_are_those_that_were_written(tmp_path, scans, spelled, is_even):
             np.testing.assert_allclose(scan.time, columns["time"] - columns["time"].min(), atol=1e-6)
 
 
-@pytest.mark.parametrize("with_ring", [False, True])
-def test_nanoseconds_since_1970_are_times_of_eight_bytes(tmp_path, scans, with_ring):
-    ring = [("ring", "<f4")] * with_ring
+@pytest.mark.parametrize("ring", [[], [("ring", "<f4")], [("ring", "<u2")]], ids=["none", "floats", "two bytes"])
+def test_nanoseconds_since_1970_are_times_of_eight_bytes(tmp_path, scans, ring):
     dtype = np.dtype([*XYZ, ("intensity", "<f4"), *ring, ("time", "<u8")])
     start = 1_617_000_000_123_456_789
     since = [
@@ -97,6 +102,7 @@ def test_nanoseconds_since_1970_are_times_of_eight_bytes(tmp_path, scans, with_r
     np.testing.assert_allclose(sequence.stamps - 1e-9 * start, 0.1 * np.arange(len(scans)), atol=1e-6)
     for scan, one in zip(sequence, scans, strict=True):
         np.testing.assert_allclose(scan.time, one["time"] - one["time"].min(), atol=1e-6)
+        assert (scan.ring is not None) == bool(ring)
 
 
 @pytest.mark.parametrize("spelled", ["x,y,z,intensity", "x,y,z,intensity,ring,time", "x:f8,y,z,intensity"])
@@ -165,6 +171,25 @@ def test_a_flag_is_no_time(tmp_path, scans, flag):
     assert all(scan.time is None for scan in sequence)
 
 
+@pytest.mark.parametrize("names", ["xyz", ("x", "y", "z", "intensity")])
+@pytest.mark.parametrize("n_beams", [16, 40])
+def test_all_x_before_all_y_are_no_points(tmp_path, names, n_beams):
+    for i in range(3):
+        columns = sweep(pose(3.0 * i, 0.7 * i), seed=i, n_beams=n_beams)
+        np.concatenate([columns[name] for name in names]).tofile(tmp_path / f"{i}.bin")
+    with pytest.raises(InputError, match="its content does not show which columns"):
+        open_sequence(tmp_path)
+
+
+@pytest.mark.parametrize("kind", ["<f4", "<f8"])
+def test_a_time_of_eight_bytes_may_come_first(tmp_path, scans, kind):
+    dtype = np.dtype([("time", "<f8"), *((name, kind) for name in ("x", "y", "z", "intensity"))])
+    late = [{**one, "time": 1.7e9 + 0.1 * i + one["time"].astype(float)} for i, one in enumerate(scans)]
+    for scan, one in zip(open_sequence(write(tmp_path, dtype, late)), scans, strict=True):
+        np.testing.assert_allclose(scan.points, points_of(one), atol=1e-6)
+        np.testing.assert_allclose(scan.time, one["time"] - one["time"].min(), atol=1e-5)
+
+
 @pytest.mark.parametrize("n_bytes", [8, 20, 40])
 def test_points_behind_a_header_of_their_own_are_not_taken_for_larger_records(tmp_path, scans, n_bytes):
     for i, columns in enumerate(scans):
@@ -217,6 +242,21 @@ def test_the_columns_that_are_given_are_taken_whatever_the_content(tmp_path, sca
     np.testing.assert_array_equal(open_sequence(folder, "y,x,z,intensity")[0].points[:, 1], scans[0]["x"])
     with pytest.raises(InputError, match=r"\.bin has \d+ bytes, no multiple of a point \(20 bytes\).*--columns"):
         [scan.points for scan in open_sequence(folder, "x,y,z,intensity,ring")]
+
+
+@pytest.mark.recordings
+@pytest.mark.parametrize(
+    ("name", "degrees"), [("kitti_0005", 35), ("kitti_0005", 45), ("lyft_5hz", 60), ("yard_avia", 40)]
+)
+def test_real_views_to_the_front_are_points(recording_of, tmp_path, name, degrees):
+    counts = []
+    for i, path in enumerate(sorted((recording_of(name) / "velodyne").glob("*.bin"))[:6]):
+        rows = np.fromfile(path, np.float32).reshape(-1, 4)
+        rows[:, 3] = np.floor(255 * rows[:, 3])
+        rows = rows[np.abs(np.degrees(np.arctan2(rows[:, 1], rows[:, 0]))) < degrees]
+        rows.tofile(tmp_path / f"{i}.bin")
+        counts.append(len(rows))
+    assert [len(scan) for scan in open_sequence(tmp_path)] == counts
 
 
 @pytest.mark.recordings

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from bags import CODES, cloud, write_bag
 from street_log import street_log
+from sweeps import pose, sweep
 
 from automos.core.errors import InputError
 from automos.readers import open_sequence
@@ -160,6 +161,7 @@ ODD = {
     "rows said to be longer than they are": lambda s: SimpleNamespace(
         **{**vars(cloud(DRIVERS["velodyne"](s))), "row_step": 10**6}),
     "rows of no length": lambda s: SimpleNamespace(**{**vars(cloud(DRIVERS["velodyne"](s), 7)), "row_step": 0}),
+    "a field of no type": lambda s: with_fields(cloud(DRIVERS["velodyne"](s)), ("pad", 0, 0)),
     "a field without a name": lambda s: with_fields(cloud(DRIVERS["velodyne"](s)), ("", 0, CODES["u1"])),
     "two colours in one place": lambda s: with_fields(
         cloud({**DRIVERS["velodyne"](s), "rgb": s.time.astype("f4")}, gap=0), ("rgba", 22, CODES["u4"])),
@@ -265,6 +267,9 @@ PCDS = {
     "text, places in one field": lambda s: pcd(
         [("ring", 2, "U", 1), ("position", 4, "F", 3), ("normal", 4, "F", 3), ("intensity", 4, "F", 1)],
         text_rows(s, "{4} {0:.6f} {1:.6f} {2:.6f} 0 nan 1 {3:.4f}").encode(), data="ascii"),
+    "text with a remark and zeros behind": lambda s: pcd(
+        [*F, ("intensity", 4, "F", 1), ("ring", 2, "U", 1)],
+        text_rows(s, "{:.6f} {:.6f} {:.6f} {:.4f} {}").encode() + b"\n# the end\n" + bytes(99), data="ascii"),
     "text with blanks in front": lambda s: pcd(
         [*F, ("intensity", 4, "F", 1), ("ring", 2, "U", 1)],
         text_rows(s, "  {:.6f}  {:.6f}\t{:.6f} {:.4f} {} ", "\r\n").encode(), data="ascii"),
@@ -312,6 +317,11 @@ TEXTS = {
     "a class in words": ("label,x,y,z,intensity,ring", "car,{0},{1},{2},{3:.4f},{4}"),
     "dates": ("stamp;x;y;z;intensity;ring", "2024-05-01 12:00:00.123;{0};{1};{2};{3:.4f};{4}"),
     "words between blanks": ("x y z kind intensity ring", "{0} {1} {2} tree {3:.4f} {4}"),
+    "titles above, units below": (
+        "LiDAR export of May\nframe;drive\nx;y;z;intensity;ring\nm;m;m;-;-",
+        "{0};{1};{2};{3:.4f};{4}",
+    ),
+    "bars": ("x|y|z|intensity|ring", "{0}|{1}|{2}|{3:.4f}|{4}"),
     "exponents": ("x y z intensity ring", "{0:.7e} {1:+.7E} {2:.7e} {3:.4f} {4}"),
 }
 
@@ -328,6 +338,38 @@ def test_spreadsheets_in_utf16_numbers_of_windows_and_a_count_before_the_points_
         assert (got.ring is not None) == has_ring
     assert np.isnan(scans[2].points[N:]).all()
     assert [len(scan) for scan in scans] == [N, N, N + 1, N]
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".csv"])
+def test_columns_without_names_are_rings_and_times_where_their_numbers_are(tmp_path, suffix):
+    sweeps = [sweep(pose(x=0.5 * i), seed=i) for i in range(3)]
+    for k, one in enumerate(sweeps):
+        rows = np.column_stack([one[name] for name in ("x", "y", "z", "intensity", "ring", "time")]).astype(float)
+        for order, folder in (([0, 1, 2, 3, 4, 5], "last"), ([0, 1, 2, 3, 5], "fifth"), ([5, 0, 1, 2, 3], "first")):
+            (tmp_path / folder).mkdir(exist_ok=True)
+            path = tmp_path / folder / f"{k}{suffix}"
+            np.save(path, rows[:, order]) if suffix == ".npy" else np.savetxt(path, rows[:, order], "%.6f", ",")
+    for folder, has_ring in (("last", True), ("fifth", False)):
+        for scan, one in zip(open_sequence(tmp_path / folder), sweeps, strict=True):
+            np.testing.assert_allclose(scan.time, one["time"] - one["time"].min(), atol=2e-6)
+            assert (scan.ring is not None) == has_ring
+    with pytest.raises(InputError, match=r"which seem to be time,x,y,z,intensity; name them with --columns time,x,y,z"):
+        open_sequence(tmp_path / "first")
+
+
+def test_dates_of_points_are_their_times(tmp_path, drive):
+    for k, scan in enumerate(drive):
+        at = np.datetime64("2024-05-01T12:00:00", "ns") + np.round(1e9 * (0.1 * k + scan.time)).astype("m8[ns]")
+        rows = [f"{t}Z,{x},{y},{z}" for t, (x, y, z) in zip(at, scan.xyz.tolist(), strict=True)]
+        (tmp_path / f"{k:06d}.csv").write_text("\n".join(["timestamp,x,y,z", *rows]))
+    assert_same(open_sequence(tmp_path), drive, has=("time",), atol=2e-5)
+
+
+def test_headers_that_count_milliseconds_give_way_to_the_times_of_recording(tmp_path, drive):
+    counted = [(round(1e9 * s.stamp), 100.0 * k + 5.0, cloud(DRIVERS["velodyne"](s))) for k, s in enumerate(drive)]
+    sequence = open_sequence(write_bag(tmp_path / "log.bag", {"/points": counted}))
+    assert_same(sequence, drive)
+    assert any("every 100 s by the headers, and every 0.1 s as it was recorded" in said for said in sequence.warnings)
 
 
 def test_colours_behind_the_points_are_no_rings(tmp_path, drive):

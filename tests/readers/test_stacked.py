@@ -56,6 +56,17 @@ def test_an_archive_of_numbered_arrays_has_a_scan_in_each(tmp_path, scans):
     assert sequence.stamps is not None
 
 
+def test_few_numbered_arrays_are_scans_unless_they_may_be_of_one(tmp_path, scans):
+    rows = [scan.reshape(-1, 4) for scan in scans[:3]]
+    np.savez(tmp_path / "a.npz", **{f"{i:04d}": scan for i, scan in enumerate(rows)})
+    np.savez(tmp_path / "b.npz", *(scan[: 500 + i] for i, scan in enumerate(rows)))
+    require_same(open_sequence(tmp_path / "a.npz"), rows)
+    assert [len(scan) for scan in open_sequence(tmp_path / "b.npz")] == [500, 501, 502]
+    np.savez(tmp_path / "c.npz", rows[0], rows[1])  # NumPy's names, one size: points and their normals
+    with pytest.raises(InputError, match=r"c.npz is a file; give the folder"):
+        open_sequence(tmp_path / "c.npz")
+
+
 def test_images_and_matrices_in_files_are_no_stacks(tmp_path, scans):
     for i, scan in enumerate(scans):
         np.save(tmp_path / f"{i:06d}.npy", scan)

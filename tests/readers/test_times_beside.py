@@ -32,6 +32,11 @@ def test_times_are_seconds_of_whatever_is_counted(tmp_path, unit):
     np.testing.assert_allclose(found - found[0], STAMPS - STAMPS[0], atol=1e-5)
 
 
+def test_whole_milliseconds_of_twenty_scans_a_second_are_no_seconds(tmp_path):
+    (tmp_path / "times.txt").write_text("0\n50\n100\n151\n")
+    np.testing.assert_allclose(read_times(tmp_path / "times.txt", names(4)), [0.0, 0.05, 0.1, 0.151])
+
+
 def test_scans_ten_seconds_apart_are_not_taken_for_milliseconds(tmp_path):
     (tmp_path / "times.txt").write_text("0\n10\n20\n30\n")
     np.testing.assert_array_equal(read_times(tmp_path / "times.txt", names(4)), [0.0, 10.0, 20.0, 30.0])

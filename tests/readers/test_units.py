@@ -68,6 +68,16 @@ def test_ranges_and_angles_are_no_coordinates(tmp_path, turn, order, noise):
         open_sequence(tmp_path)
 
 
+@pytest.mark.parametrize("turn", [np.pi, 180.0])
+@pytest.mark.parametrize("half", [40, 60])
+@pytest.mark.parametrize("noise", [0.0, 2e-3])
+def test_ranges_and_angles_of_a_view_to_the_front_are_no_coordinates_and_coordinates_are(turn, half, noise):
+    cloud = points_of(sweep(n_beams=32)).astype(float)
+    front = cloud[np.abs(np.degrees(np.arctan2(cloud[:, 1], cloud[:, 0]))) < half]
+    assert are_angles(polar(front, turn, (0, 1, 2), noise))
+    assert not are_angles(front)
+
+
 @pytest.mark.parametrize("width", [2.0 * np.pi, 360.0])
 def test_a_view_to_the_front_that_is_as_wide_as_a_turn_is_no_angle(width):
     cloud = points_of(sweep())

@@ -77,6 +77,21 @@ def test_a_folder_of_archives_of_a_cloud_each_is_a_recording(tmp_path, suffix):
         np.testing.assert_array_equal(got.points, true.points)
 
 
+def test_other_files_and_folders_may_be_packed_beside_the_recording(tmp_path):
+    path, scans = tmp_path / "packed.zip", clouds(6)
+    drive = write_drive(tmp_path / "drive", ".bin", scans)
+    with zipfile.ZipFile(path, "w") as archive:
+        for file in drive.iterdir():
+            archive.write(file, f"d/lidar/{file.name}")
+            archive.writestr(f"__MACOSX/d/lidar/._{file.name}", b"\0\5\26\7")
+        archive.writestr("README.md", b"a drive")
+        archive.writestr("d/camera/000000.png", b"\x89PNG")
+        archive.writestr("d/calib.json", b"{}")
+    sequence = open_sequence(path)
+    assert (sequence.name, len(sequence)) == ("packed", 6)
+    np.testing.assert_array_equal(sequence[3].points, scans[3][:, :3])
+
+
 def test_an_archive_beside_scans_is_no_scan(tmp_path):
     drive = write_drive(tmp_path / "drive", ".pcd", clouds(3))
     pack(drive / "pictures.zip", write_drive(tmp_path / "other", ".npy", clouds(1)))

@@ -9,9 +9,10 @@ import numpy.typing as npt
 from automos.core.errors import InputError
 
 TIME = (
-    "t", "time", "times", "timestamp", "timestamps", "time_stamp", "stamp", "stamps", "offset_time", "time_offset",
-    "offset", "raw_timestamp", "point_time", "gps_time", "gpstime", "adjustedtime",
+    "t", "time", "times", "timestamp", "timestamps", "stamp", "stamps", "offsettime", "timeoffset", "toffset", "offset",
+    "relativetime", "reltime", "rawtimestamp", "pointtime", "gpstime", "adjustedtime",
 )  # fmt: skip
+"""What times are called, the first that is there before others; without what divides words."""
 _COUNTED = re.compile(r"_(n|u|m)?s(ec)?$")
 _AROUND_AXES = re.compile(r"points?|pos(ition)?|coord(s|inates?)?|xyz|lidar|[ckm]?m")
 _METRES = {"km": 1000.0, "cm": 0.01, "mm": 0.001}
@@ -49,6 +50,8 @@ def plain_names(names: Sequence[str]) -> list[str]:
     What stands before all three axes alike is left out before the others, too.
     """
     plain = [_plain(name) for name in names]
+    if {"x1", "y1", "z1"} <= {*plain} and "x" not in plain:  # of the first of two returns
+        plain = [name[0] if name in ("x1", "y1", "z1") else name for name in plain]
     there = {*plain}  # a damaged header may name very many
     before = {name[:-1] for name in there if {name[:-1] + axis for axis in "xyz"} <= there}
     if len(before) == 1:
@@ -73,8 +76,8 @@ def has_time(names: Iterable[str]) -> bool:
 
 
 def uncounted(name: str) -> str:
-    """Return the plain name of a time without its unit."""
-    return _COUNTED.sub("", name)
+    """Return the plain name of a time without its unit and without what divides its words."""
+    return _COUNTED.sub("", name).replace("_", "")
 
 
 def _plain(name: str) -> str:

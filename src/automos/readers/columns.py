@@ -17,9 +17,11 @@ from automos.readers.column_names import TIME, by_plain_names, plain_names, unco
 
 Columns = dict[str, npt.NDArray]
 
-_INTENSITY = ("intensity", "i", "reflectivity", "reflectance", "remission", "signal_photons", "signal")
-_SENSOR = ("sensor", "lidar", "lidar_id", "sensor_id")
-_RING = ("ring", "line", "channel", "laser_id", "laser_number", "beam", "ring_id", "beam_id", "channel_id", "laser")
+_INTENSITY = ("intensity", "i", "reflectivity", "reflectance", "remission", "signalphotons", "signal")
+_SENSOR = ("sensor", "lidar", "lidarid", "sensorid")
+_RING = ("ring", "line", "channel", "laserid", "lasernumber", "beam", "ringid", "beamid", "channelid", "laser",
+         "laserchannel", "ringindex", "scanline", "row")  # fmt: skip
+_FRAME = ("frame", "frameid", "frameindex", "framenumber", "sweep", "sweepid")
 UNNAMED = ("x", "y", "z", "intensity", "ring")
 """Columns of arrays and tables that do not name them."""
 MAX_COLUMNS = 100
@@ -64,6 +66,8 @@ def to_scan(
     columns = by_plain_names(columns, path)
     points = _coordinates(columns, path, np.float32 if T_file_sensor is None else np.float64)
     columns = _numbers(columns)
+    if (frame := _first(columns, _FRAME)) is not None and len(np.unique(frame)) > 1:
+        raise InputError(f"{path} holds the points of {len(np.unique(frame))} scans; write a file for each")
     if unit != 1.0:
         points *= points.dtype.type(unit)
     if T_file_sensor is not None:  # numbers of a map are beyond what float32 holds to the centimetre
@@ -168,7 +172,8 @@ def _numbers(columns: Columns) -> Columns:
 
 
 def _first(columns: Columns, names: tuple[str, ...]) -> npt.NDArray | None:
-    return next((columns[name] for name in names if name in columns), None)
+    plain = {name.replace("_", ""): column for name, column in columns.items()}
+    return next((plain[name] for name in names if name in plain), None)
 
 
 def is_measured(times: npt.NDArray) -> npt.NDArray[np.bool_]:

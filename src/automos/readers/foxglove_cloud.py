@@ -15,6 +15,7 @@ import numpy as np
 from automos.core.reading import parse_json
 from automos.readers import point_cloud2
 from automos.readers.columns import Columns
+from automos.readers.time_order import seconds_of
 from automos.readers.wire import Wire
 
 OWN, ROS = "foxglove.PointCloud", "foxglove_msgs/msg/PointCloud"
@@ -29,8 +30,10 @@ def head(raw: bytes, encoding: str) -> tuple[float, str]:
     """Return the stamp (s) and the frame of a cloud; of Protocol Buffers' and ROS's, the beginning suffices."""
     if encoding == "json":
         message = parse_json(raw)
-        time = message.get("timestamp") or {}
-        return time.get("sec", 0) + 1e-9 * time.get("nsec", time.get("nanosec", 0)), str(message.get("frame_id", ""))
+        time, frame = message.get("timestamp") or {}, str(message.get("frame_id", ""))
+        if isinstance(time, str):  # as Protocol Buffers write theirs
+            return seconds_of(time.removesuffix("Z")), frame
+        return time.get("sec", 0) + 1e-9 * time.get("nsec", time.get("nanosec", 0)), frame
     if encoding != "protobuf":
         here = Wire(raw, encoding == "cdr", 4 if encoding == "cdr" else 0)
         return here.seconds(), here.text().rstrip(b"\0").decode()

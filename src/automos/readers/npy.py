@@ -14,6 +14,7 @@ from automos.core.errors import InputError
 from automos.core.reading import MAX_TEXT, read_array
 from automos.readers.columns import MAX_COLUMNS, UNNAMED, Columns, from_matrix
 from automos.readers.layouts import parse_columns
+from automos.readers.record_layout import names_of
 from automos.readers.records import columns_of_field
 
 _POINTS = ("points", "point_cloud", "pointcloud", "pc", "cloud", "lidar", "scan", "xyzi", "xyz", "data", "arr_0")
@@ -37,7 +38,7 @@ def read(path: Path, columns: str = "") -> Columns:
             found |= columns_of_field(name, flat[name])
     else:
         rows = array.reshape(0, 3) if array.size == 0 else as_rows(array)
-        found = from_matrix(rows, path, parse_columns(columns).names or UNNAMED if columns else UNNAMED)
+        found = from_matrix(rows, path, parse_columns(columns).names or UNNAMED if columns else names_of(rows, path))
     n = len(next(iter(found.values()), ()))
     return found | {name: column for name, column in beside.items() if len(column) == n}
 
@@ -87,7 +88,7 @@ def _is_plain(file: IO[bytes]) -> bool:
 
 def as_rows(matrix: npt.NDArray) -> npt.NDArray:
     """Return a row for each point of an array that may be an image, (H, W, C) or (C, H, W), or have (C, N) rows."""
-    if matrix.ndim == 3 and 3 <= len(matrix) <= WIDEST and matrix.shape[2] > MAX_COLUMNS:
+    if matrix.ndim == 3 and 3 <= len(matrix) <= WIDEST < matrix.shape[2]:
         matrix = matrix.reshape(len(matrix), -1)
     if matrix.ndim == 3 and matrix.shape[2] <= MAX_COLUMNS:
         matrix = matrix.reshape(-1, matrix.shape[2])

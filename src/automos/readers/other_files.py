@@ -17,6 +17,10 @@ _OTHERS = {
     b"\x89MCAP0": ("an MCAP file by its content", "rename it to {}.mcap"),
     b"#ROSBAG V2": ("a ROS bag by its content", "rename it to {}.bag"),
     b"livox_tech": ("a recording of Livox's viewer", "convert it to a ROS bag with Livox's lvx2rosbag and give that"),
+    **dict.fromkeys(
+        (b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\xc3\xd4", b"\x4d\x3c\xb2\xa1", b"\n\r\r\n"),
+        ("a capture of packets by its content", "rename it to {}.pcap"),
+    ),
 }
 _NAMED = {
     ".e57": (
@@ -44,7 +48,8 @@ def what_to_do(path: Path) -> str | None:
             f"{path} is compressed ({kind}), so its scans cannot be read one by one; unpack it "
             f"({command.format(path.name)}) and give what comes out"
         )
-    known = next((what for magic, what in _OTHERS.items() if start.startswith(magic)), None)
+    is_named = path.suffix.lower() in (".pcap", ".pcapng")
+    known = next((what for magic, what in _OTHERS.items() if start.startswith(magic) and not is_named), None)
     known = known or _NAMED.get(path.suffix.lower())
     return None if known is None else f"{path} is {known[0]}, which is not read as it is; {known[1].format(path.name)}"
 

@@ -19,8 +19,8 @@ from automos.core.scan import Scan
 from automos.readers.foreign import limited
 from automos.readers.formats import Format, import_extra, recordings_at
 from automos.readers.listed import require_increasing
-from automos.readers.packets.pcap import CAPTURES, require_whole
-from automos.readers.sensor_choice import SensorSequence, choose_sensor
+from automos.readers.packets.pcap import require_whole
+from automos.readers.sensor_choice import SensorSequence, choose_sensor, is_capture
 
 _RETURNS = (("RANGE", "REFLECTIVITY"), ("RANGE2", "REFLECTIVITY2"))
 _TURN, _FARTHEST_MOUNT = 360.0, 1e4
@@ -36,7 +36,7 @@ def find(path: Path) -> list[Path]:
 
 
 def _is_pcap(path: Path) -> bool:
-    return path.suffix in (*CAPTURES, ".osf") and path.is_file()
+    return is_capture(path) or (path.suffix.lower() == ".osf" and path.is_file())
 
 
 class OusterSequence(SensorSequence):
@@ -53,7 +53,7 @@ class OusterSequence(SensorSequence):
         super().__init__(path)
         self._threads = threading.local()
         stem = self.source.stem
-        self._is_osf = self.source.suffix == ".osf"  # holds frames, and their metadata
+        self._is_osf = self.source.suffix.lower() == ".osf"  # holds frames, and their metadata
         names = () if self._is_osf else (f"{stem}.json", f"{stem}_*.json")
         self._metadata = sorted({file for name in names for file in self.source.parent.glob(name)})
         if not self._metadata and not self._is_osf:

@@ -1,5 +1,6 @@
 """Point Cloud Library files: a text header, then ascii, binary or binary_compressed points of any fields."""
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -175,7 +176,8 @@ def _require_bytes(got: int, promised: int, path: Path) -> None:
 
 def _from_text(body: bytes, header: Header, path: Path) -> Columns:
     widths = [int(np.prod(header.dtype[name].shape, dtype=int)) for name in header.dtype.names or ()]
-    matrix = parse_points(path, body.replace(b",", b" "), sum(widths), 0, header.n_points, is_last=True)
+    body = re.sub(rb"(?m)^\s*#.*", b"", body) if b"#" in body else body
+    matrix = parse_points(path, body.rstrip(b"\0").replace(b",", b" "), sum(widths), 0, header.n_points, is_last=True)
     parts = dict(zip(header.dtype.names or (), np.split(matrix, np.cumsum(widths)[:-1], axis=1), strict=True))
     return _columns(header, lambda name: parts[name] if parts[name].shape[1] > 1 else parts[name][:, 0])
 

@@ -4,14 +4,14 @@ Coordinates come first, or behind one or two others. Rings are whole numbers tha
 from point to point or with the direction, and the first of the other numbers that is not negative is the intensity.
 """
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from itertools import product
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.core.scan import MIN_RANGE
-from automos.readers.columns import MAX_SWEEP, is_measured
+from automos.readers.columns import MAX_SWEEP, find_time_unit, is_measured
 from automos.readers.layouts import LAYOUTS, parse_columns, spell_columns
 from automos.readers.records import SHARE, are_lengths
 
@@ -29,10 +29,10 @@ _DRIVERS = (
     "x,y,z,intensity:u1,_:u1,line:u1",
     "x,y,z,intensity:u1,_:u1,line:u1,t:u4",
     "x,y,z,intensity,t:u4,_:u2,ring:u2,_:u2",
-    "x,y,z,intensity,_:u1,line:u1,timestamp:f8",
     "x,y,z,intensity,ring:u2,timestamp:f8",
+    "x,y,z,intensity,_:u1,line:u1,timestamp:f8",
 )
-"""Structs that are no multiple of four bytes, as drivers write them; more than one may have a size."""
+"""Structs that are no multiple of four bytes, as drivers write them; of one size, those with rings come first."""
 _EXPLAINED = 0.9
 """Share of the variance of elevations that rings explain, or directions of times."""
 _GOING = 0.95
@@ -41,24 +41,26 @@ _SHORTEST, _TICK = 1e-3, 1e-12
 """Seconds that a sweep lasts, at least, and that no clock tells apart."""
 _ALIKE = 0.3
 """Correlation of the coordinates of a point with those of the next."""
+_SAME = 0.6
+"""Correlation of all coordinates with each other from which they are those of one axis, of points side by side."""
 _BEAMS = 1024
 """More than any sensor has."""
 
 
-def columns_of(rows: Rows) -> str | None:
-    """Return the columns of (N, size) `rows`, None where their coordinates cannot be any."""
+def columns_of(rows: Rows, kinds: Sequence[str] = _KINDS) -> str | None:
+    """Return the columns of (N, size) `rows`, None where their coordinates, of `kinds`, cannot be any."""
     size = rows.shape[1]
     for columns in _DRIVERS:
         dtype = parse_columns(columns)
         if dtype.itemsize == size and _is_of(np.ascontiguousarray(rows).view(dtype)[:, 0]):
             return columns
-    for kind, first in product(_KINDS, range(3)):
+    for kind, first in product(kinds, range(3)):
         width = int(kind[-1])
         behind = (first + 3) * width
         if size >= behind and (xyz := _coordinates(rows[:, first * width :], kind)) is not None:
             before = _rest_of(rows[:, : first * width], xyz, 0, kind)
             names = {name for name, _ in before}
-            after = [("_", f"V{size - behind}")] if size % 4 else _rest_of(rows, xyz, behind, kind, names)
+            after = _rest_of(rows, xyz, behind, kind, names)
             named = [*before, *((axis, kind) for axis in "xyz"), *after]
             fields = [(f"_{i}" if name == "_" else name, form) for i, (name, form) in enumerate(named)]
             columns = spell_columns(np.dtype(fields))
@@ -67,9 +69,12 @@ def columns_of(rows: Rows) -> str | None:
 
 
 def has_numbers(rows: Rows) -> bool:
-    """Return whether (N, size) `rows` may begin with three lengths, of any type."""
-    width = rows.shape[1] // 3
-    return any(int(kind[-1]) <= width and are_lengths(_first_three(rows, kind)) for kind in _KINDS)
+    """Return whether (N, size) `rows` may begin with three lengths, of any type, or with a time before them."""
+    for first, kind in product((0, 8), _KINDS):
+        places = rows[:, first : first + 3 * int(kind[-1])]
+        if places.shape[1] == 3 * int(kind[-1]) and are_lengths(_first_three(places, kind)):
+            return True
+    return False
 
 
 def _first_three(rows: Rows, kind: str) -> npt.NDArray[np.float64]:
@@ -99,16 +104,19 @@ def _field(rows: Rows, at: int, kind: str) -> npt.NDArray:
 
 def _coordinates(rows: Rows, kind: str) -> npt.NDArray[np.float64] | None:
     """Return (N, 3) the first three numbers of each row where they can be coordinates, else None."""
-    xyz = _first_three(rows, kind)
+    xyz, width = _first_three(rows, kind), int(kind[-1])
     known = xyz[np.isfinite(xyz).all(axis=1) & xyz.any(axis=1)]
     if not are_lengths(xyz) or len(known) == 0:
         return None
     is_whole = (known == np.floor(known)).mean(axis=0) > SHARE
     is_number = is_whole.any() and not is_whole.all()
     is_share = (known.min(axis=0) >= 0.0) & (known.max(axis=0) <= 1.0)  # no sweep lies within a metre
-    is_other = is_number or is_share.any() or not np.ptp(known[:, :2], axis=0).all()
-    is_clock = known[:, 0].min() >= 0.0 or known[:, 0].max() <= 0.0 or np.ptp(known[:, 0]) <= MAX_SWEEP
-    is_other = is_other or any(map(_goes_once, known.T)) or (is_clock and _is_time(known[:, 0], known[:, [1, 2, 2]]))
+    is_clock = (known.min(axis=0) >= 0.0) | (known.max(axis=0) <= 0.0) | (np.ptp(known, axis=0) <= MAX_SWEEP)
+    goes_once = any(is_clock & np.array([_goes_once(values) for values in known.T]))
+    are_next = np.corrcoef(known.T).min() > _SAME  # numbers that lie behind one another are of one axis
+    is_other = is_number or is_share.any() or not np.ptp(known[:, :2], axis=0).all() or goes_once or are_next
+    if not is_other and is_clock[0] and _is_time(known[:, 0], known[:, [1, 2, 2]]):
+        is_other = rows.shape[1] >= 4 * width and _coordinates(rows[:, width:], kind) is not None
     return None if is_other and len(known) > ENOUGH else xyz
 
 
@@ -116,9 +124,14 @@ def _is_of(points: npt.NDArray) -> bool:
     """Return whether (N,) `points` can be of a driver: floats are lengths, rings and times are what they are called."""
     names = points.dtype.names or ()
     xyz = np.stack([points[axis] for axis in "xyz"], axis=1).astype(np.float64)
-    is_like = {"ring": _is_ring, "time": _is_time, "timestamp": _is_time, "t": _is_time}
+    is_like = dict.fromkeys(("time", "timestamp", "t"), _is_time) | {"ring": _is_ring, "line": _is_line}
     are_floats = all(are_lengths(points[name]) for name in names if points.dtype[name].str == "<f4")
     return are_floats and all(is_like[name](points[name], xyz) for name in names if name in is_like)
+
+
+def _is_line(values: npt.NDArray, xyz: npt.NDArray[np.float64]) -> bool:
+    """Return whether (N,) `values` may be of beams that cross: a byte of something else is the same everywhere."""
+    return len(np.unique(values)) > 1
 
 
 def _rest_of(
@@ -127,15 +140,22 @@ def _rest_of(
     """Return names, but those `taken`, and types of the columns from byte `at` on; what cannot be told is left out."""
     found: list[tuple[str, str]] = []
     own, order, size = int(kind[-1]), kind[0], rows.shape[1]
+    is_packed = size % 4 > 0  # fields of structs without padding begin anywhere
+    tried = [(own, "f"), (8, "f"), (8, "u"), (4, "f"), (4, "u"), (2, "u")] + [(1, "u")] * is_packed
     while at < size:
-        best = ("_", "V2")
-        for width, letter in ((own, "f"), (8, "f"), (8, "u"), (4, "f"), (4, "u"), (2, "u")):
-            aligned = at % (4 if letter == "u" else width) == 0 or width == 2
-            if aligned and at + width <= size and best[0] in ("_", "") and best[1] != f"{order}u2":
+        best = nothing = ("_", "V1" if is_packed else "V2")
+        for width in (2, 1) if is_packed and "ring" not in {name for name, _ in found} | {*taken} else ():
+            if best == nothing and at + width <= size and _is_ring(_field(rows, at, f"{order}u{width}"), xyz):
+                best = ("ring", f"{order}u{width}")
+        for width, letter in tried:
+            is_aligned = is_packed or at % min(width, 4) == 0
+            if is_aligned and at + width <= size and best[0] == "_":
                 form = f"{order}{letter}{width}"
                 name = _name_of(_field(rows, at, form), form, xyz, {name for name, _ in found} | {*taken})
-                if name is not None and (width <= own or name == "time") and (name != "_" or best[1] == "V2"):
+                if name is not None and (width <= own or name == "time") and (name != "_" or best == nothing):
                     best = (name, form)
+        if best == nothing and is_packed and at == 3 * own and len(np.unique(rows[:, at])) > 1:
+            best = ("intensity", f"{order}u1")  # what drivers write there
         found.append(best)
         at += np.dtype(best[1]).itemsize
     return found
@@ -169,7 +189,7 @@ def _is_time(values: npt.NDArray, xyz: npt.NDArray[np.float64]) -> bool:
     size = np.abs(values[values != 0])
     if not (is_measured(values).all() and float(np.ptp(values)) > _SHORTEST and (size > _TICK).all()):
         return False
-    if len(np.unique(values)) < 3:  # a flag
+    if len(np.unique(values)) < 3 or np.ptp(values) * find_time_unit(values) > MAX_SWEEP:  # a flag; parts of numbers
         return False
     direction = np.degrees(np.arctan2(xyz[:, 1], xyz[:, 0])) + 180.0
     return _goes_on(values) or _explains(direction, values.astype(np.float64), _seen(xyz))

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from automos.core.arrays import evenly_spread
 from automos.core.errors import InputError
+from automos.readers.columns import MAX_COLUMNS, UNNAMED
 from automos.readers.layouts import LAYOUTS, parse_columns
 from automos.readers.record_columns import ENOUGH, Rows, columns_of, has_numbers, is_several
 from automos.readers.record_ends import require_points
@@ -60,6 +61,32 @@ def find_columns(paths: Sequence[Path]) -> str:
         raise InputError(_unknown(paths, sizes, found))
     require_points(evenly_spread(largest, _FILES), found[0], _ROWS)
     return _required(found[0], sizes, paths)
+
+
+@np.errstate(all="ignore")
+def names_of(matrix: npt.NDArray, path: Path) -> Sequence[str]:
+    """Return what the columns of an (N, C) array without names are: x, y, z, intensity, ring, or what they show.
+
+    Raises
+    ------
+    InputError
+        Others come before x, y and z, as it seems.
+    """
+    n = matrix.shape[1] if matrix.ndim == 2 else 0
+    if not 3 < n <= MAX_COLUMNS or len(matrix) <= ENOUGH:
+        return UNNAMED
+    rows = np.ascontiguousarray(matrix[:: max(len(matrix) // _ROWS, 1)], "<f8").view(np.uint8)
+    found = parse_columns(columns_of(rows, ("<f8",)) or LAYOUTS["bin"])
+    names = ["_" if name.startswith("_") else name for name in found.names or ()]
+    if len(names) != n or found.itemsize != 8 * n:
+        return UNNAMED
+    if names[:3] != ["x", "y", "z"]:
+        said = ",".join(names)
+        raise InputError(f"{path} does not name its columns, which seem to be {said}; name them with --columns {said}")
+    usual = UNNAMED if n == len(UNNAMED) else UNNAMED[:4]
+    left = [name if name not in names else "_" for name in usual] + ["_"] * n
+    named = [own if own != "_" else other for own, other in zip(names, left, strict=False)]
+    return [f"_{k}" if name == "_" else name for k, name in enumerate(named)]
 
 
 def _by_convention(fitting: list[int], sizes: npt.NDArray[np.int64], paths: Sequence[Path]) -> str:

@@ -20,9 +20,12 @@ from automos.readers.point_cloud2 import EMPTY
 from automos.readers.point_times import judge_times
 from automos.readers.sensor_place import find_frame, frame_said
 from automos.readers.stamped_poses import truth_beside
-from automos.readers.time_order import count_unset, put_in_order
+from automos.readers.time_order import count_unset, put_in_order, usual_step
 from automos.readers.topic_messages import TopicMessages
 from automos.readers.units import unit_of
+
+_TOO_SLOW = 40.0, 500.0
+"""Seconds from scan to scan, and times the step of recording, from which headers count something else than seconds."""
 
 
 class RosbagSequence(Sequence):
@@ -173,11 +176,15 @@ class RosbagSequence(Sequence):
     # -------------------------------------------------------------------------------------------- time and place
     def _put_in_order(self, stamps: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64] | None, list[str]]:
         """Put the messages in the order of their headers' stamps; return these, seconds, and what to say of it."""
+        recorded = (1e-9 * self._messages.rows[:, 0]).astype(np.float64)
         said, n_unset = [], count_unset(stamps)
-        if n_unset:
-            of_all = f"{n_unset} of {len(stamps)} headers have no stamp"
-            said = [f"{self._where()}: {of_all}; the times of recording are taken for all scans."]
-            stamps = (1e-9 * self._messages.rows[:, 0]).astype(np.float64)
+        fault = f"{n_unset} of {len(stamps)} headers have no stamp" if n_unset else ""
+        own, step = usual_step(stamps) or 0.0, usual_step(recorded) or np.inf
+        if own > _TOO_SLOW[0] and own / step > _TOO_SLOW[1]:
+            fault = f"a scan comes every {own:.3g} s by the headers, and every {step:.3g} s as it was recorded"
+        if fault:
+            said = [f"{self._where()}: {fault}; the times of recording are taken for all scans."]
+            stamps = recorded
         found = put_in_order(stamps, self.names, self._where())
         self._messages.sort(found.order)
         return found.stamps, [*said, *found.warnings]

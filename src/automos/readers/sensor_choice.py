@@ -10,6 +10,14 @@ from automos.core.errors import InputError
 from automos.core.scan import Sequence as ScanSequence
 from automos.readers.listed import digest_of_files
 
+CAPTURES = (".pcap", ".pcapng")
+"""What the names of captures end in."""
+
+
+def is_capture(path: Path) -> bool:
+    """Return whether a file has the name of a capture."""
+    return path.suffix.lower() in CAPTURES and path.is_file()
+
 
 class SensorSequence(ScanSequence):
     """The sweeps of one sensor, as measured; readers derive from it, find them, and set `_stamps` and `_identity`."""

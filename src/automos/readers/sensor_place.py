@@ -114,7 +114,7 @@ def find_frame(
     for index in looks:
         with suppress(InputError):  # reported when the scan itself is read
             spacings[index] = Spacing(cloud := raw_points(index))
-            refused = refused or are_angles(cloud)
+            refused = refused or are_angles(cloud, turns=bool(claims))
     if refused:
         raise InputError(
             f"{where} holds ranges and angles, as it seems, where x, y and z are expected; write the coordinates "

@@ -20,8 +20,11 @@ def _scans_of(path: Path) -> tuple[list[npt.NDArray] | None, npt.NDArray | None]
 
     arrays = load(path)
     clouds = {name: array for name, array in arrays.items() if array.ndim > 1 or array.dtype.names}
-    are_numbered = len({name.rstrip("0123456789") for name in clouds}) == 1
-    if len(clouds) > WIDEST and are_numbered:  # of fewer, one may be of points, others of what is known of them
+    stems = {name.rstrip("0123456789") for name in clouds}
+    rows, columns = ({array.shape[k : k + 1] for array in clouds.values()} for k in (0, 1))
+    # of few of one size, which NumPy named, one may be of points, others of what is known of them
+    are_clouds = len(columns) == 1 and min(columns) >= (3,) and (len(rows) > 1 or stems != {"arr_"})
+    if len(stems) == 1 < len(clouds) and (len(clouds) > WIDEST or (are_clouds and min(rows) > (WIDEST,))):
         found: list[npt.NDArray] | None = [clouds[name] for name in sorted(clouds, key=natural_key)]
     else:
         found = stack_in(*clouds.values()) if len(clouds) == 1 else []

@@ -16,7 +16,7 @@ from automos.readers.time_order import seconds_of, usual_step
 
 NAMES = [f"{stem}.{suffix}" for suffix in ("txt", "csv") for stem in ("times", "timestamps", "time", "timestamp")]
 """What the file may be called, the first that is there before others."""
-_SLOWEST = 50.0, 5.0
+_SLOWEST = 40.0, 5.0
 """Seconds between scans from which whole numbers are none of seconds, and at most, of a smaller unit."""
 _DAY = re.compile(r"(\d{4}-\d\d-\d\d)[ T]+(?=\d\d:)")
 _SECONDS, _NANOSECONDS = re.compile(r"(.*[._])?s(ec(ond)?s?)?"), re.compile(r"(.*[._])?n(ano)?s(ec(ond)?s?)?")

@@ -6,7 +6,7 @@ Coordinates of a map are in metres: they are far away from its origin, all of th
 
 Ranges and angles are no coordinates. What is seen in nearly one direction is mostly one thing, of one range: numbers
 of which one goes through a whole turn, and which have that property about as much where they are read as range, azimuth
-and elevation, in some order, are these.
+and elevation, in some order, are these; of a narrower view, those that have it clearly more.
 """
 
 from itertools import permutations, product
@@ -31,6 +31,8 @@ _NEARLY = 0.05
 _AS_SMOOTH = 2.0
 """Times the spread of ranges in one direction: angles have at most 1.8 times of what they have read as coordinates, and
 coordinates at least 2.5 times of it read as angles."""
+_CLEARLY = 1.8
+"""Times as much as where they are read as angles, of those of a narrow view; in a small room, coordinates have 1.2."""
 CROWDED = 0.6
 """Of the range that all but one in twenty points are within, where a sensor has half of them: it sees most nearby."""
 MIN_POINTS = 100
@@ -57,21 +59,25 @@ def unit_of(cloud: npt.NDArray[np.floating]) -> tuple[float, list[str]]:
     return unit, [f"coordinates reach {far:,.0f} from the sensor, which are not metres; they are taken for {name}."]
 
 
-def are_angles(cloud: npt.NDArray[np.floating]) -> bool:
-    """Return whether the columns of a scan, `cloud` (N, 3), are a range and two angles of a turning sensor."""
+def are_angles(cloud: npt.NDArray[np.floating], turns: bool = False) -> bool:
+    """Return whether the columns of a scan, `cloud` (N, 3), are a range and two angles, if `turns`, of a whole turn."""
     known = cloud[np.isfinite(cloud).all(axis=1) & cloud.any(axis=1)].astype(np.float64)
     known = known[np.random.default_rng(0).permutation(len(known))[:_AMONG]]
     spread: float | None = None
     for order, turn in product(permutations(range(3)), (np.pi, 180.0)):
         away, around, up = known[:, order].T
-        is_turn = len(known) >= MIN_POINTS and abs(np.ptp(around) / (2.0 * turn) - 1.0) < _NEARLY
-        if not is_turn or away.min() < 0.0 or np.abs(up).max() > 0.5 * turn:
+        width = np.ptp(around) / (2.0 * turn) if len(known) >= MIN_POINTS else np.inf
+        is_narrow = width < 1.0 - _NEARLY
+        is_far = np.abs(around).max(initial=0.0) > 2.0 * turn  # as places on a map are
+        if width > 1.0 + _NEARLY or (is_narrow and (turns or is_far or 2 * len(known) < _ASKED)):
+            continue
+        if away.min() < 0.0 or not away.any() or np.abs(up).max() > 0.5 * turn:
             continue
         around, up = around * np.pi / turn, up * np.pi / turn
         level = away * np.cos(up)
         polar = np.column_stack([level * np.cos(around), level * np.sin(around), away * np.sin(up)])
         spread = _spread_of_ranges(known) if spread is None else spread
-        if _spread_of_ranges(polar) < _AS_SMOOTH * spread:
+        if _spread_of_ranges(polar) < (1.0 / _CLEARLY if is_narrow else _AS_SMOOTH) * spread:
             return True
     return False
 

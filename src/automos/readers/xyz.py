@@ -2,12 +2,13 @@
 
 Blanks, tabs, commas or semicolons divide the columns; lines starting with # or // are comments, and one before the
 numbers that names x, y and z names the columns; else the first line that is none may. Names may hold blanks where
-something else divides them.
+something else divides them. Titles may stand above the names, and units below.
 """
 
 import csv
 import re
 from codecs import BOM_UTF8, BOM_UTF16_BE, BOM_UTF16_LE
+from contextlib import suppress
 from itertools import compress
 from pathlib import Path
 
@@ -15,10 +16,11 @@ import numpy as np
 
 from automos.core.errors import InputError
 from automos.core.reading import read_bytes
-from automos.readers.column_names import plain_names
+from automos.readers.column_names import is_time, plain_names
 from automos.readers.columns import UNNAMED, Columns, from_matrix
 from automos.readers.layouts import parse_columns
 from automos.readers.record_columns import ENOUGH
+from automos.readers.record_layout import names_of
 from automos.readers.text import parse_table
 
 _DIVIDERS = bytes.maketrans(b",;", b"  ")
@@ -31,6 +33,8 @@ _REMARK = re.compile(rb"\s*(#|//)[^\n]*\n?")
 _QUOTED = re.compile(rb'"([^"\n]*)"')
 _INDEFINITE = re.compile(rb"-?(nan\(\w+\)|1\.#[A-Z]+)")
 """What C's library on Windows writes for NaN."""
+_TITLES = 20
+"""Lines that may stand above the names of columns."""
 _SEPARATOR = re.compile(rb"\Asep=.\n")
 """What spreadsheets are told."""
 
@@ -44,11 +48,13 @@ def read(path: Path, columns: str = "") -> Columns:
         text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     text = _SEPARATOR.sub(b"", text)
     text = _INDEFINITE.sub(b"nan", text) if b"nan(" in text or b".#" in text else text
+    text = _behind_titles(text.replace(b"|", b";"))
     first_line, _, rest = _behind_remarks(text).partition(b"\n")
     names = _names_in(first_line)
     axes = [name.lower() for name in names if name.lower() in ("x", "y", "z")]
     if len(set(axes)) < len(axes) or any(map(_is_number, names)):
         raise InputError(f"{path} names x, y or z twice, or a column by a number, in its first line; copy it again")
+    names, rest = _with_units(names, rest)
     numbers = _without_comments(rest if names else text)
     if b'"' in numbers:
         numbers = _QUOTED.sub(lambda cell: cell[1].replace(b",", b"."), numbers)
@@ -70,7 +76,7 @@ def read(path: Path, columns: str = "") -> Columns:
             f"{path} does not name its columns, and one of the first three counts; name them with --columns"
         )
     if columns or not names:
-        return from_matrix(matrix, path, parse_columns(columns).names or UNNAMED if columns else UNNAMED)
+        return from_matrix(matrix, path, parse_columns(columns).names or UNNAMED if columns else names_of(matrix, path))
     if len(names) != matrix.shape[1]:
         raise InputError(
             f"{path} names {len(names)} columns in its first line but has {matrix.shape[1]}; name them with --columns"
@@ -78,8 +84,20 @@ def read(path: Path, columns: str = "") -> Columns:
     return {name or f"_{i}": matrix[:, i] for i, name in enumerate(names)}
 
 
+def _with_units(names: list[str], lines: bytes) -> tuple[list[str], bytes]:
+    """Return the names with the units that the first line holds, if it does, and the lines behind these."""
+    first, _, rest = lines.partition(b"\n")
+    units = _names_in(first) if names else []
+    if not units or len(units) != len(names) or any(map(_is_number, units)):
+        return names, lines
+    return [f"{name} [{unit.strip('[](){}')}]" for name, unit in zip(names, units, strict=True)], rest
+
+
 def _without_words(names: list[str], numbers: bytes) -> tuple[list[str], bytes]:
-    """Return the names and the lines without columns that hold words, as dates and classes, in the first line."""
+    """Return the names and the lines without columns that hold words, as classes, in the first line.
+
+    Dates in a column of times become nanoseconds.
+    """
     lines = [line for line in numbers.split(b"\n") if line.strip()]
     divider = next((mark for mark in (b"\t", b";", b",") if lines and mark in lines[0]), None)
     cells = lines[0].split(divider) if lines else []
@@ -87,8 +105,19 @@ def _without_words(names: list[str], numbers: bytes) -> tuple[list[str], bytes]:
     are_axes = {"x", "y", "z"} <= set(plain_names([name for name, kept in zip(names, is_kept, strict=False) if kept]))
     if all(is_kept) or not are_axes or any(line.count(divider or b" ") != len(names) - 1 for line in lines):
         return names, numbers
-    rows = (b" ".join(compress(line.split(divider), is_kept)) for line in lines)
-    return list(compress(names, is_kept)), b"\n".join(rows)
+    told = [line.split(divider) for line in lines]
+    for k in (k for k, name in enumerate(names) if is_time(name) and not is_kept[k]):
+        with suppress(ValueError):  # no date
+            for row, date in zip(
+                told, np.array([_as_date(row[k]) for row in told], "M8[ns]").view(np.int64), strict=True
+            ):
+                row[k] = b"%d" % date
+            is_kept[k] = True
+    return list(compress(names, is_kept)), b"\n".join(b" ".join(compress(row, is_kept)) for row in told)
+
+
+def _as_date(cell: bytes) -> str:
+    return cell.decode("utf-8", "replace").strip(' "').removesuffix("Z").replace(" ", "T")
 
 
 def _require_one_divider(numbers: bytes, path: Path) -> None:
@@ -117,6 +146,19 @@ def _behind_remarks(text: bytes) -> bytes:
     while (remark := _REMARK.match(text, at)) and not _names_in(remark[0].lstrip()):
         at = remark.end()
     return text[at:].lstrip()
+
+
+def _behind_titles(text: bytes) -> bytes:
+    """Return `text` from the line on that names x, y and z, where nothing but words stands above it."""
+    at = 0
+    for _ in range(_TITLES):
+        end = text.find(b"\n", at)
+        if not (names := _names_in(text[at : max(end, at)])) and text[at : max(end, at)].strip():
+            break  # numbers, or a comment
+        if {"x", "y", "z"} <= set(plain_names(names)):
+            return text[at:]
+        at = end + 1
+    return text
 
 
 def _names_in(line: bytes) -> list[str]:

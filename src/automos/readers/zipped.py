@@ -5,7 +5,7 @@ import tempfile
 import zipfile
 import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,9 @@ from automos.readers.columns import Columns
 from automos.readers.formats import Format
 from automos.readers.listed import digest_of_files
 from automos.readers.record_layout import find_columns
+
+_MACS = "__MACOSX/"
+"""What other systems' files are packed beside what they belong to."""
 
 
 @contextmanager
@@ -55,6 +58,19 @@ def read(path: Path) -> Columns:
             raise InputError(str(error).replace(str(cloud), f"{path}/{clouds[0].filename}")) from None
 
 
+def _only_recording(place: Path, codec: str | None) -> Path:
+    """Return the only recording in a folder, where its uppermost ones lie; the folder where there are none or more."""
+    from automos.readers import NoRecordingError, find_recordings
+
+    folders, found = [place], list[Path]()
+    while folders and not found:
+        for folder in folders:
+            with suppress(NoRecordingError):
+                found += find_recordings(folder, codec)
+        folders = [p for folder in folders for p in folder.iterdir() if p.is_dir() and not p.name.startswith(".")]
+    return found[0] if len(found) == 1 else place
+
+
 class ZippedSequence(OwnSequence):
     """The recording in an archive, which lies in a temporary folder for as long as this does."""
 
@@ -71,14 +87,8 @@ class ZippedSequence(OwnSequence):
         self._folder = tempfile.TemporaryDirectory(prefix="automos-")
         place = Path(self._folder.name) / path.stem
         self._unpack(path, place)
-        while len(inside := [p for p in place.iterdir() if not p.name.startswith((".", "__MACOSX"))]) == 1:
-            if inside[0].suffix.lower() in CODEC_OF_SUFFIX:
-                break  # a scan, or a folder called as one: what holds it is the recording
-            place = inside[0]
-            if not place.is_dir():
-                break
         try:
-            super().__init__(open_sequence(place, codec))
+            super().__init__(open_sequence(_only_recording(place, codec), codec))
         except InputError as error:
             raise InputError(str(error).replace(self._folder.name, str(path.parent))) from None
 
@@ -90,7 +100,9 @@ class ZippedSequence(OwnSequence):
             needed, room = sum(member.file_size for member in archive.infolist()), shutil.disk_usage(place.parent).free
             if needed > 0.9 * room:
                 raise InputError(f"{path} unpacks to {needed >> 20} MB, and {place.parent} has room for {room >> 20}")
-            archive.extractall(place)
+            archive.extractall(
+                place, [member for member in archive.infolist() if not member.filename.startswith(_MACS)]
+            )
 
     @property
     def address(self) -> Path:

@@ -280,13 +280,13 @@ LIVOX = [(1, 96, True), (2, 96, True), (3, 96, True), (0, 100, False), (1, 100, 
 
 
 @pytest.mark.parametrize(("kind", "n", "is_second"), LIVOX)
-@pytest.mark.parametrize("suffix", [".pcap", ".lvx"])
+@pytest.mark.parametrize("suffix", [".pcap", ".PCAP", ".lvx"])
 def test_the_points_of_a_livox_are_those_of_its_packets_a_scan_each_tenth_of_a_second(
     tmp_path, kind, n, is_second, suffix
 ):
     packets, xyz, intensity = livox_drive(kind, n, is_second)
-    if suffix == ".pcap":
-        path = send(tmp_path / "drive.pcap", packets)
+    if suffix != ".lvx":
+        path = send(tmp_path / f"drive{suffix}", packets)
     else:
         frames = [[raw for _, raw in packets[k : k + 125]] for k in range(0, len(packets), 125)]
         path = tmp_path / ("drive.lvx2" if is_second else "drive.lvx")
@@ -322,6 +322,18 @@ def test_sensors_of_several_makers_in_a_capture_are_told_apart(tmp_path):
         open_sequence(path)
     assert len(open_sequence(path / "192.168.1.201-2368")[0].points) > 20_000
     assert open_sequence(path / "192.168.1.3-56300").about == {"files": "of a Livox"}
+
+
+def test_packets_that_were_captured_twice_are_there_once_and_their_beginnings_are_told(tmp_path):
+    packets, _, ranges = drive("PandarXT-32", 2)
+    twice = send(tmp_path / "twice.pcap", [packet for packet in packets for _ in range(2)])
+    assert sum(len(scan) for scan in open_sequence(twice)) == (ranges > 0).sum()
+    raw = b"".join(
+        struct.pack("<IIII", 1, k, 96, len(udp(packet))) + udp(packet)[:96] for k, (_, packet) in enumerate(packets)
+    )
+    (tmp_path / "cut.pcap").write_bytes(struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 96, 1) + raw)
+    with pytest.raises(InputError, match=r"cut.pcap holds only the beginning of its packets"):
+        open_sequence(tmp_path / "cut.pcap")
 
 
 def test_packets_of_no_known_kind_are_none():

@@ -18,8 +18,6 @@ from numpy.lib.stride_tricks import sliding_window_view
 from automos.core.errors import InputError
 from automos.core.kernels import kernel
 
-CAPTURES = (".pcap", ".pcapng")
-"""What the names of captures end in."""
 _MAGIC = {0xA1B2C3D4: 1e-6, 0xA1B23C4D: 1e-9}
 """First four bytes, and the seconds that a fraction counts."""
 _PCAPNG, _NG_ORDER = b"\n\r\r\n", 0x1A2B3C4D

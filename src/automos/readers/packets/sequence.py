@@ -20,9 +20,9 @@ from automos.readers.listed import require_increasing
 from automos.readers.packets.beams import TOLD, table_beside
 from automos.readers.packets.decode import Decoder, make_decoder, to_scan
 from automos.readers.packets.lvx import SUFFIXES, LvxFile
-from automos.readers.packets.pcap import CAPTURES, Capture, Datagrams, join, open_capture, sender_name
+from automos.readers.packets.pcap import Capture, Datagrams, join, open_capture, sender_name
 from automos.readers.packets.sweeps import find_packets, find_sweeps, kinds_in
-from automos.readers.sensor_choice import SensorSequence, choose_sensor
+from automos.readers.sensor_choice import SensorSequence, choose_sensor, is_capture
 
 _TOLD_WITHIN = (0, 1 << 24)
 """The part of a capture that is searched for what a sensor says of its beams: 16 MB are more than a second."""
@@ -37,12 +37,16 @@ def holds_packets(path: Path) -> bool:
     """Return whether `path` is a file with packets of points that are known."""
     if path.suffix.lower() in SUFFIXES:
         return path.is_file()
-    if path.suffix not in CAPTURES or not path.is_file():
+    if not is_capture(path):
         return False
     try:
-        return any(kinds_in(open_capture(path)))
+        capture = open_capture(path)
     except InputError:
         return False
+    try:
+        return any(kinds_in(capture))
+    except InputError:  # told when it is opened
+        return True
 
 
 class PacketSequence(SensorSequence):

@@ -23,13 +23,18 @@ _LOOKED_AT = (0, 1 << 23)
 def find_packets(capture: Capture | LvxFile, layout: Layout, *part: int) -> Iterator[Datagrams]:
     """Yield, piece by piece, the packets of a kind in a part of the file (first byte, end); without it, in all of it.
 
+    Those that were captured twice, as on a bridge, are there once.
+
     Raises
     ------
     InputError
         A damaged file.
     """
     for piece in capture.datagrams(layout.size, *part):
-        yield piece[layout.are_own(piece.payloads)]
+        own = piece[layout.are_own(piece.payloads)]
+        is_other = np.ones(len(own), bool)
+        is_other[1:] = (own.payloads[1:] != own.payloads[:-1]).any(axis=1) | (own.senders[1:] != own.senders[:-1])
+        yield own[is_other]
 
 
 def kinds_in(capture: Capture | LvxFile) -> Iterator[Layout]:
@@ -39,7 +44,7 @@ def kinds_in(capture: Capture | LvxFile) -> Iterator[Layout]:
         known = tuple(layout for layout in LAYOUTS if layout.size in sizes)
     else:
         known = LVX2 if capture.is_second else LVX
-    return (layout for layout in known if len(next(find_packets(capture, layout, *_LOOKED_AT), ())))
+    return (layout for layout in known if any(map(len, find_packets(capture, layout, *_LOOKED_AT))))
 
 
 def find_sweeps(
