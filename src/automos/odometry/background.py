@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import math
-import os
-import threading
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
 from functools import partial
 from typing import Generic, TypeVar
 
@@ -29,7 +26,6 @@ from automos.odometry.sweep_timing import SweepTiming, recorded_duration
 from automos.odometry.timing import TimingChoice, choose_timing, rear_seam
 from automos.settings import OdometrySettings
 
-_NICE = 10
 DELAY = 0.5
 """Seconds of the stream until a result is used, at most: few scans take less."""
 Result = TypeVar("Result")
@@ -53,7 +49,7 @@ class BackgroundTask(Generic[Result]):
         """Start evaluating `find` at `now` seconds, unless the task was started before."""
         if self._future is None:
             worker = ThreadPoolExecutor(1, "background_task")
-            self._future, self._due = worker.submit(_at_low_priority, find), now + self._delay
+            self._future, self._due = worker.submit(_beside, find), now + self._delay
             worker.shutdown(wait=False)
 
     def is_due(self, now: float) -> bool:
@@ -65,9 +61,8 @@ class BackgroundTask(Generic[Result]):
         return self._future.result() if self._future is not None and now >= self._due else None
 
 
-def _at_low_priority(find: Callable[[], Result]) -> Result:
-    with suppress(OSError, AttributeError):  # priorities of threads exist on Linux only
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
+def _beside(find: Callable[[], Result]) -> Result:
+    # At the priority of the stream, which waits for the result once it is due, and for the interpreter's lock.
     with one_blas_thread():
         return find()
 
@@ -121,7 +116,7 @@ class TimingSearch:
                 self._task.start(partial(self._find, scans, None if path.is_patient else path.timing), clock.stamp)
                 self._at = clock.stamp + self._pause * period
                 self.first_stamp = -math.inf if path.is_patient else scans[0][0].stamp
-                self._pause *= 2 if n == lengths[0] else 1  # if another search would hardly know more
+                self._pause *= 2
                 return
 
     def result(self, now: float) -> TimingChoice | None:
