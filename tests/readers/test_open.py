@@ -4,6 +4,7 @@ import sys
 import numpy as np
 import pytest
 
+from automos.core.claims import RESULTS, claim
 from automos.core.errors import InputError
 from automos.readers import CODECS, FORMATS, open_recordings, open_sequence
 
@@ -86,6 +87,10 @@ def test_a_path_that_holds_no_recording_is_told_in_one_sentence(tmp_path):
         open_sequence(tmp_path)
     with pytest.raises(InputError, match="is a file; give the folder"):
         open_sequence(tmp_path / "picture.png")
+    claim(tmp_path / "run", RESULTS)
+    (tmp_path / "run" / "poses.txt").touch()
+    with pytest.raises(InputError, match="holds results that automos wrote, and no scans: give the recording itself"):
+        open_sequence(tmp_path / "run")
 
 
 def test_folders_of_scans_inside_the_given_one_are_named(tmp_path):

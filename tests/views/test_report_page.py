@@ -111,7 +111,7 @@ def test_a_recording_that_moved_away_is_asked_for(lane_run, tmp_path):
     about["recording"]["source"] = str(tmp_path / "gone")
     (tmp_path / "run" / "run.json").write_text(json.dumps(about))
     with pytest.raises(
-        ValueError, match=r"cannot be opened where it was \(.*gone does not exist.*; give its path after"
+        ValueError, match=r"cannot be opened where it was \(.*gone does not exist.*: give its path, too"
     ):
         open_run(tmp_path / "run")
     assert len(open_run(tmp_path / "run", lane_run.parent / "lane")) == 12

@@ -87,6 +87,7 @@ def compare(
 @compare_app.command("map")
 def make_map(
     recording: Annotated[Path, typer.Argument(help="a recording, or a results folder: its labels as corrected")],
+    moved: Annotated[Path | None, typer.Argument(help="of results: the recording, if it is elsewhere now")] = None,
     out: Out = None,
     kinds: Annotated[list[str] | None, typer.Option("--kind", help="ply, pcd or laz; repeatable; default: ply")] = None,
     method: Annotated[
@@ -125,12 +126,16 @@ def make_map(
     if Workspace(recording).read_run():
         if (method, poses, calib) != (None, None, None):
             raise InputError(f"{recording} holds labels and poses: leave --method, --poses and --calib out")
-        run = open_run(recording, format=format)
+        run = open_run(recording, moved, format)
         folder = place / run.sequence.name if out is None else place
         settings = load_settings(overrides=read_overrides(overrides)).map
         with held(folder):
             _tell(write_map(run.frames, run.sequence, run.labels, folder, wanted, settings, _say_when_started()))
         return
+    if moved is not None:
+        raise InputError(
+            f"{recording} is no results folder of automos label, so {moved} is not its recording: give one"
+        )
     (chosen,) = choose_methods([method or "default"])
     with _runs(recording, place, out is None, poses, calib, overrides, format, workers) as runs:
         runs.cost(chosen)

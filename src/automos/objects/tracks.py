@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
-from itertools import chain
+from itertools import chain, pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -76,7 +76,8 @@ class Tracks(ColumnData):
     def rows_by_scan(self, n_scans: int) -> list[npt.NDArray[np.int64]]:
         """Return the rows (K,) of the tracks in each of `n_scans`, in order."""
         order = np.argsort(self.scan, kind="stable")
-        return np.split(order, np.searchsorted(self.scan[order], np.arange(1, n_scans))) if n_scans else []
+        bounds = np.searchsorted(self.scan[order], np.arange(n_scans + 1)).tolist()
+        return [order[begin:end] for begin, end in pairwise(bounds)]  # np.split takes longer than sorting
 
     def first_rows(self) -> npt.NDArray[np.int64]:
         """Return (T,) the first row of each track."""

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from automos.core.arguments import given_path
+from automos.core.claims import held_by
 from automos.core.errors import InputError
 from automos.core.reading import damage_reported
 from automos.core.scan import Sequence
@@ -228,6 +229,8 @@ def _nothing_found(path: Path, format: str | None) -> str:
         return f"{path} is empty; give a folder that holds scans"
     if known := first_known(entries):
         return known
+    if (held := held_by(path)) is not None:
+        return f"{path} holds {held} that automos wrote, and no scans: give the recording itself"
     inner = [p for p in entries if p.is_dir() and holds_point_files(p)]
     if inner:
         return (

@@ -50,13 +50,11 @@ def recording_of(folder: Path, recording: str | Path | None = None, format: str 
         raise InputError(f"{folder} holds no results of automos label ({RUN_FILE} is missing or damaged){there}")
     source = about.get("recording", {}).get("source")
     if source is None:
-        raise InputError(f"{folder} does not say which recording it was made from; give its path after {folder}")
+        raise InputError(f"{folder} does not say which recording it was made from: give its path, too")
     try:
         return open_sequence(source, format)
     except InputError as error:
-        raise InputError(
-            f"the recording cannot be opened where it was ({error}); give its path after {folder}"
-        ) from error
+        raise InputError(f"the recording cannot be opened where it was ({error}): give its path, too") from error
 
 
 class Elsewhere(Sequence):

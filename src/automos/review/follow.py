@@ -12,8 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.objects.detections import Detections
-from automos.objects.tracker import track_objects
-from automos.objects.tracks import Tracks
+from automos.objects.tracker import Tracker
 from automos.settings import TrackingSettings
 
 FIRST_WINDOW = 5.0
@@ -66,52 +65,40 @@ def follow_ahead(
 ) -> Path:
     """Return the path from `scan` on, forwards (`step` 1) or backwards (-1).
 
-    A known `heading` saves time, and so do fewer seconds looked ahead at first, `window`, where it mostly ends soon.
+    A known `heading` saves time: fewer neighbours are followed with it. The object is gone once it is out of sight at
+    the end of `window` seconds, or twice, four times as many, or once the tracker gives it up.
     """
-    last = len(stamps) - 1 if step > 0 else 0
-    while True:
-        end = scan
-        while end != last and abs(stamps[end + step] - stamps[scan]) <= window:
-            end += step
-        scans = list(range(scan, end + step, step))
-        rows, kept = _follow(detect, np.abs(stamps - stamps[scan]), scans, segment, settings, heading or Heading())
-        if end == last or abs(stamps[scans[rows.scan[-1]]] - stamps[end]) > settings.max_gap:
+    heading, away = heading or Heading(), np.abs(stamps - stamps[scan])
+    start, tracker, track = detect(scan).boxes.center[segment, :2], Tracker(settings), -1
+    found: Path = {}
+    missed: Path = {}
+    seen = scan
+    for i in range(scan, len(stamps) if step > 0 else -1, step):
+        if away[i] > window and abs(stamps[seen] - stamps[i - step]) > settings.max_gap:
             break
-        window *= 2.0
-    found = {}
-    for row in range(len(rows.scan)):
-        box = np.array([*rows.center[row], *rows.size[row], rows.yaw[row]])
-        own = -1
-        if rows.segment[row] >= 0:
-            own = int(kept[rows.scan[row]][rows.segment[row]])
-            seen = detect(scans[rows.scan[row]]).boxes  # the segment's own extent, not the filter's
-            box = np.array([*seen.center[own], *seen.size[own], seen.yaw[own]])
-        found[scans[rows.scan[row]]] = own, box
+        while away[i] > window:
+            window *= 2.0
+        ahead = detect(i)
+        offered = _near(ahead, start + heading.velocity * away[i], heading.may_change * away[i])
+        if i == scan:
+            track = int(np.searchsorted(offered, segment))  # the first scan's objects are numbered as they come
+        rows = tracker.step(float(away[i]), _without_evidence(ahead[offered]))
+        row = np.flatnonzero(rows.track == track)
+        if not len(row):
+            break
+        row = row[0]
+        if rows.segment[row] < 0:
+            missed[i] = -1, np.array([*rows.center[row], *rows.size[row], rows.yaw[row]])
+            continue
+        own, boxes = int(offered[rows.segment[row]]), ahead.boxes  # the segment's own extent, not the filter's
+        found |= {**missed, i: (own, np.array([*boxes.center[own], *boxes.size[own], boxes.yaw[own]]))}
+        missed, seen = {}, i
     return found
 
 
-def _follow(
-    detect: Detect,
-    away: npt.NDArray[np.float64],
-    scans: list[int],
-    segment: int,
-    settings: TrackingSettings,
-    heading: Heading,
-) -> tuple[Tracks, list[npt.NDArray[np.int64]]]:
-    """Return the track of the segment through `scans`, and of each of these which segments were looked at."""
-    start = detect(scans[0]).boxes.center[segment, :2]
-    offered, kept = [], []
-    for i in scans:
-        found = detect(i)
-        off = found.boxes.center[:, :2] - start - heading.velocity * away[i]
-        near = np.linalg.norm(off, axis=1) <= WIDTH + heading.may_change * away[i]
-        rows = np.flatnonzero(near)
-        kept.append(rows)
-        offered.append((float(away[i]), _without_evidence(found[rows])))
-    tracks = track_objects(offered, settings)
-    pointed_at = int(np.searchsorted(kept[0], segment))
-    row = int(np.flatnonzero((tracks.scan == 0) & (tracks.segment == pointed_at))[0])
-    return tracks[np.arange(len(tracks.track))[tracks.rows_of(int(tracks.track[row]))]], kept
+def _near(found: Detections, center: npt.NDArray[np.float64], may_be_off: float) -> npt.NDArray[np.int64]:
+    """Return the rows of the segments that are looked at: those around `center` (2,)."""
+    return np.flatnonzero(np.linalg.norm(found.boxes.center[:, :2] - center, axis=1) <= WIDTH + may_be_off)
 
 
 def _without_evidence(found: Detections) -> Detections:

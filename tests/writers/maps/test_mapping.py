@@ -181,6 +181,17 @@ def test_a_map_of_results_has_their_labels_as_corrected(lane_run, tmp_path):
     assert "leave --method, --poses and --calib out" in str(told.exception)
 
 
+def test_a_map_of_results_is_made_of_a_recording_that_is_elsewhere_now(lane_run, tmp_path):
+    run, log = shutil.copytree(lane_run, tmp_path / "run"), shutil.copytree(lane_run.parent / "lane", tmp_path / "lane")
+    about = json.loads((run / "run.json").read_text())
+    about["recording"]["source"] = str(tmp_path / "gone")
+    (run / "run.json").write_text(json.dumps(about))
+    words = ["--out", str(tmp_path / "map")]
+    assert "give its path, too" in str(CliRunner().invoke(app, ["map", str(run), *words]).exception)
+    assert CliRunner().invoke(app, ["map", str(run), str(log), *words]).exit_code == 0
+    assert "is no results folder" in str(CliRunner().invoke(app, ["map", str(log), str(run), *words]).exception)
+
+
 @pytest.mark.parametrize("words", ["map RUN", "export RUN --to panoptic", "export RUN --to pcd", "evaluate RUN LOG"])
 def test_all_that_is_made_of_a_run_follows_its_label_files(lane_run, tmp_path, words):
     made = []
