@@ -2,8 +2,9 @@
 
     ENV/bin/python benchmarks/ros2.py RECORDING [--points 30000] [--scans 300] [--best-effort]
 
-ENV has rclpy (`pip install -e ".[dev-ros2]"`, or a ROS 2). Each scan is thinned to so many points. Prints how many
-clouds were sent, labelled and left out, how long after a cloud its labels arrive, and the node's processor time.
+ENV has rclpy (`pip install -e ".[dev-ros2]"`, or a ROS 2). Each scan is thinned to so many points, which have their
+times if the recording has: without them the node searches the timing, beside labelling. Prints how many clouds were
+sent, labelled and left out, how long after a cloud its labels arrive, and the processor time of the node.
 """
 
 import argparse
@@ -23,16 +24,19 @@ from sensor_msgs.msg import PointCloud2, PointField
 
 import automos
 
-FIELDS = ("x", "y", "z", "intensity")
+FIELDS = ("x", "y", "z", "intensity", "time")
 
 
 def cloud_of(scan: automos.Scan, n_points: int) -> PointCloud2:
     """Return a scan as a driver sends it, thinned to `n_points`."""
     rows = np.linspace(0, len(scan) - 1, min(n_points, len(scan))).astype(int)
     intensity = np.zeros(len(scan), np.float32) if scan.intensity is None else scan.intensity
-    table = np.column_stack([scan.points, intensity])[rows].astype("<f4")
-    message = PointCloud2(height=1, width=len(table), point_step=16, row_step=16 * len(table), is_dense=True)
-    message.fields = [PointField(name=name, offset=4 * k, datatype=7, count=1) for k, name in enumerate(FIELDS)]
+    times = [] if scan.time is None else [scan.time]
+    table = np.column_stack([scan.points, intensity, *times])[rows].astype("<f4")
+    n, size = len(table), 4 * table.shape[1]
+    message = PointCloud2(height=1, width=n, point_step=size, row_step=size * n, is_dense=True)
+    named = FIELDS[: table.shape[1]]
+    message.fields = [PointField(name=name, offset=4 * k, datatype=7, count=1) for k, name in enumerate(named)]
     message.data = array.array("B", table.tobytes())
     message.header.frame_id = "lidar"
     return message
