@@ -77,7 +77,7 @@ def held(folder: Path, waits: bool = False) -> Iterator[None]:
             fcntl.flock(handle, fcntl.LOCK_EX | (0 if waits else fcntl.LOCK_NB))
     except BlockingIOError:
         os.close(handle)
-        raise InputError(f"another process writes into {folder}: wait for it, or choose another --out") from None
+        raise InputError(f"another process writes into {folder}: wait for it, end it, or write elsewhere") from None
     except OSError:  # a file system without locks
         pass
     try:

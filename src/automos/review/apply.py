@@ -7,7 +7,7 @@ after a crash, gives the same files.
 """
 
 import json
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -26,7 +26,7 @@ from automos.core.workspace import REVIEWED, RUN_FILE, Workspace
 from automos.objects.labels import label_scans
 from automos.objects.verdict import Verdict, Verdicts
 from automos.results.point_files import write_points
-from automos.results.tracks_file import track_entries, write_tracks
+from automos.results.tracks_file import box_entry, track_entries, write_tracks
 from automos.review.amendments import Amendment, ever_made, in_scans, read_amendments
 from automos.review.decisions import Decision, read_decisions
 from automos.review.matching import ever_decided, match
@@ -169,10 +169,15 @@ def decided_verdicts(found: Verdicts, decided: dict[int, str]) -> Verdicts:
 # ------------------------------------------------------------------------------------------- tracks.json and run.json
 def rewrite_run(stages: RunStages, changes: Changes, lost: list[Decision | Amendment]) -> dict[str, Any]:
     """Write tracks.json and run.json after all changes; return what run.json says."""
-    entries = list(changed_entries(stages, changes))
-    write_tracks(stages.folder / "tracks.json", stages.trajectory, stages.names, entries)
+    counted: Counter[str] = Counter()
+
+    def entries() -> Iterator[dict[str, Any]]:  # one after another: those of a long recording take much memory
+        for entry in changed_entries(stages, changes):
+            counted[entry["verdict"]] += 1
+            yield entry
+
+    write_tracks(stages.folder / "tracks.json", stages.trajectory, stages.names, entries())
     points = _count_points(stages)
-    n_moving = sum(entry["verdict"] == "moving" for entry in entries)
     review = {
         "decisions": len(changes.decided),
         "made": len(changes.amendments),
@@ -185,7 +190,7 @@ def rewrite_run(stages: RunStages, changes: Changes, lost: list[Decision | Amend
     with RECORD:
         run = Workspace(stages.folder).read_run()
         run["points"] = points
-        run["tracks"] = {**run.get("tracks", {}), "total": len(entries), "moving": n_moving}
+        run["tracks"] = {**run.get("tracks", {}), "total": counted.total(), "moving": counted["moving"]}
         run["review"] = review
         write_text(stages.folder / RUN_FILE, json.dumps(run, indent=1))
     return run
@@ -223,14 +228,10 @@ def amended_entry(stages: RunStages, amendment: Amendment) -> dict[str, Any]:
         "confidence": 1.0,
         "made": amendment.how,
         "boxes": [
-            {
-                "scan": int(i), "stamp": round(float(stamps[i]), 6), "observed": True,
-                "center": box[:3].round(3).tolist(), "size": box[3:6].round(3).tolist(),
-                "yaw": round(float(box[6]), 3), "velocity": v.round(3).tolist(),
-            }
-            for i, box, v in zip(scans, boxes, velocity, strict=True)
+            box_entry(int(i), round(float(stamps[i]), 6), True, columns)
+            for i, columns in zip(scans, np.column_stack([boxes, velocity]).round(3).tolist(), strict=True)
         ],
-    }  # fmt: skip
+    }
 
 
 def _count_points(stages: RunStages) -> dict[str, int]:
