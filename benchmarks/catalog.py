@@ -1,9 +1,10 @@
 """All benchmarks: each a list of experiments, recordings x methods x changes, and what it is good for.
 
-Choices of the method were made on drive 0005, on worlds of seeds 0 to 21, 41, 70 to 94, 101 to 103, 109, 121 to 126,
-and on seed 17 of `conventions`. Seeds 60, 100, 104 to 108, 110 to 112 and, of `trust`, 30 to 35 are for these tables:
-they are scored, not looked at, and so are 200 to 204 of `calibration`, and 210 and 211 of `objects`. For understanding,
-simulate other seeds. Networks have the seeds of `automos.network.domains`.
+Choices of the method were made on drive 0005, on worlds of seeds 0 to 21, 41, 70 to 94, 101 to 103, 109, 121 to 134 and
+141 to 144, on `scooters` of seed 104 with an OS1-128, and on seed 17 of `conventions`. Seeds 60, 100, 104 to 108,
+110 to 112 and, of `trust`, 30 to 35 are for these tables: they are scored, not looked at, and so are 200 to 204 of
+`calibration`, and 210 and 211 of `objects`. For understanding, simulate other seeds. Networks have the seeds of
+`automos.network.domains`.
 """
 
 from collections.abc import Iterable
