@@ -1,6 +1,5 @@
 """The command line: one module per group of commands. A command parses, calls one function and prints."""
 
-import errno
 import io
 import os
 import re
@@ -26,6 +25,7 @@ from automos.cli.options import on_this_machine
 from automos.cli.ros2 import ros2_app
 from automos.cli.score import score_app
 from automos.cli.worlds import worlds_app
+from automos.core.atomic import is_full
 from automos.core.errors import AutomosError, plain
 from automos.core.parallel import share_heap
 from automos.core.working_folder import OURS, SAFE_PATH
@@ -102,7 +102,7 @@ def _refused(error: Exception) -> str:
     """Return what the system refused, as a sentence."""
     if isinstance(error, OSError):
         where = error.filename if error.filename is not None else "the system"
-        remedy = "free some space" if error.errno == errno.ENOSPC else "check its name, its place and who may use it"
+        remedy = "free some space" if is_full(error) else "check its name, its place and who may use it"
         return f"{where}: {error.strerror or error}; {remedy}"
     if isinstance(error, MemoryError):
         return "there is not enough memory for this: give smaller recordings, fewer --workers or a larger machine"

@@ -51,8 +51,14 @@ def _is_special(path: Path) -> bool:
 def _remedy(error: OSError) -> str:
     if error.errno == errno.ENAMETOOLONG:
         return "give scans or folders shorter names"
-    is_full = error.errno in (errno.ENOSPC, errno.EDQUOT)
-    return "free some space or choose another --out" if is_full else "choose another --out, or allow writing there"
+    if is_full(error):
+        return "free some space or choose another --out"
+    return "choose another --out, or allow writing there"
+
+
+def is_full(error: OSError) -> bool:
+    """Return whether there was no space left, or none that its writer may use."""
+    return error.errno in (errno.ENOSPC, errno.EDQUOT)
 
 
 @contextmanager

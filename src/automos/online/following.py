@@ -110,10 +110,8 @@ class Following:
         scan = int(np.flatnonzero(stamps == stamp)[0])
         is_followed = can_follow(stamps)
         tracks, numbers = _through(steps, scan)
-        segments, nothing = (
-            each_for_itself(Segments.of_scans([step.terms for step in steps]), tracks),
-            (-np.inf, 0.0, 0.0),
-        )
+        segments = each_for_itself(Segments.of_scans([step.terms for step in steps]), tracks)
+        nothing = (-np.inf, 0.0, 0.0)
         past = Past(*np.array([self._past.get(k, nothing) for k in numbers.tolist()]).reshape(-1, len(nothing)).T)
         verdicts = self._judged(tracks, segments, stamps, stamps > stamp - RECENT, past)
         self._forget(tracks, numbers, segments, stamps, past)

@@ -13,7 +13,6 @@ from automos.core.array_rows import are_scans
 from automos.core.errors import InputError
 from automos.core.reading import MAX_TEXT, read_array
 from automos.readers.columns import MAX_COLUMNS, UNNAMED, Columns, from_matrix
-from automos.readers.layouts import parse_columns
 from automos.readers.record_layout import names_of
 from automos.readers.records import columns_of_field
 
@@ -38,7 +37,7 @@ def read(path: Path, columns: str = "") -> Columns:
             found |= columns_of_field(name, flat[name])
     else:
         rows = array.reshape(0, 3) if array.size == 0 else as_rows(array)
-        found = from_matrix(rows, path, parse_columns(columns).names or UNNAMED if columns else names_of(rows, path))
+        found = from_matrix(rows, path, names_of(rows, path, columns))
     n = len(next(iter(found.values()), ()))
     return found | {name: column for name, column in beside.items() if len(column) == n}
 

@@ -4,6 +4,8 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
+from automos.readers.sensor_choice import CAPTURES
+
 _PACKED = {
     b"\x1f\x8b": ("gzip", "gunzip -k {}"),
     b"\x28\xb5\x2f\xfd": ("zstd", "zstd -d {}"),
@@ -48,7 +50,7 @@ def what_to_do(path: Path) -> str | None:
             f"{path} is compressed ({kind}), so its scans cannot be read one by one; unpack it "
             f"({command.format(path.name)}) and give what comes out"
         )
-    is_named = path.suffix.lower() in (".pcap", ".pcapng")
+    is_named = path.suffix.lower() in CAPTURES
     known = next((what for magic, what in _OTHERS.items() if start.startswith(magic) and not is_named), None)
     known = known or _NAMED.get(path.suffix.lower())
     return None if known is None else f"{path} is {known[0]}, which is not read as it is; {known[1].format(path.name)}"

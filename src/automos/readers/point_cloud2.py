@@ -83,9 +83,9 @@ def read_columns(message: Any, where: str) -> Columns:
     for field in message.fields:
         if field.count > 1:
             continue
-        if field.datatype not in _TYPES and field.name not in ("x", "y", "z"):
-            continue  # there is no telling what it is
         if field.datatype not in _TYPES:
+            if field.name not in ("x", "y", "z"):
+                continue  # there is no telling what it is
             raise InputError(f"{where} has a field {field.name!r} of unknown type {field.datatype}")
         dtype = np.dtype(order + _TYPES[field.datatype])
         if field.offset + dtype.itemsize > point_step:

@@ -64,14 +64,16 @@ def find_columns(paths: Sequence[Path]) -> str:
 
 
 @np.errstate(all="ignore")
-def names_of(matrix: npt.NDArray, path: Path) -> Sequence[str]:
-    """Return what the columns of an (N, C) array without names are: x, y, z, intensity, ring, or what they show.
+def names_of(matrix: npt.NDArray, path: Path, columns: str = "") -> Sequence[str]:
+    """Return what the columns of an (N, C) array without names are: as `columns` says, else what they show, or usual.
 
     Raises
     ------
     InputError
         Others come before x, y and z, as it seems.
     """
+    if columns:
+        return parse_columns(columns).names or UNNAMED
     n = matrix.shape[1] if matrix.ndim == 2 else 0
     if not 3 < n <= MAX_COLUMNS or len(matrix) <= ENOUGH:
         return UNNAMED

@@ -17,8 +17,7 @@ import numpy as np
 from automos.core.errors import InputError
 from automos.core.reading import read_bytes
 from automos.readers.column_names import is_time, plain_names
-from automos.readers.columns import UNNAMED, Columns, from_matrix
-from automos.readers.layouts import parse_columns
+from automos.readers.columns import Columns, from_matrix
 from automos.readers.record_columns import ENOUGH
 from automos.readers.record_layout import names_of
 from automos.readers.text import parse_table
@@ -76,7 +75,7 @@ def read(path: Path, columns: str = "") -> Columns:
             f"{path} does not name its columns, and one of the first three counts; name them with --columns"
         )
     if columns or not names:
-        return from_matrix(matrix, path, parse_columns(columns).names or UNNAMED if columns else names_of(matrix, path))
+        return from_matrix(matrix, path, names_of(matrix, path, columns))
     if len(names) != matrix.shape[1]:
         raise InputError(
             f"{path} names {len(names)} columns in its first line but has {matrix.shape[1]}; name them with --columns"
@@ -108,9 +107,8 @@ def _without_words(names: list[str], numbers: bytes) -> tuple[list[str], bytes]:
     told = [line.split(divider) for line in lines]
     for k in (k for k, name in enumerate(names) if is_time(name) and not is_kept[k]):
         with suppress(ValueError):  # no date
-            for row, date in zip(
-                told, np.array([_as_date(row[k]) for row in told], "M8[ns]").view(np.int64), strict=True
-            ):
+            dates = np.array([_as_date(row[k]) for row in told], "M8[ns]").view(np.int64)
+            for row, date in zip(told, dates, strict=True):
                 row[k] = b"%d" % date
             is_kept[k] = True
     return list(compress(names, is_kept)), b"\n".join(b" ".join(compress(row, is_kept)) for row in told)
