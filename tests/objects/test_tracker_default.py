@@ -45,10 +45,14 @@ def ways(scans, tracks):
     ]
 
 
+@pytest.mark.parametrize("known", [1.0, 0.0], ids=["moved", "its places were hidden, as of a car ahead"])
 @pytest.mark.parametrize("speed", [1.0, 15.0, 35.0])
 @pytest.mark.parametrize("period", [0.05, 0.1, 0.2])
-def test_one_object_is_one_track_whatever_its_speed_and_the_sensors_rate(speed, period):
-    tracks = track([seen((speed * period * i, 0.0, CAR, MOVED)) for i in range(12)], period)
+def test_one_object_is_one_track_whatever_its_speed_and_the_sensors_rate(speed, period, known):
+    scans = [seen((speed * period * i, 0.0, CAR, MOVED)) for i in range(12)]
+    for found in scans:
+        found.n_moving[:] *= known
+    tracks = track(scans, period)
     assert len(tracks) == 1
     assert tracks.velocity[-1, 0] == pytest.approx(speed, rel=0.02)
 

@@ -70,7 +70,7 @@ def test_what_appears_for_a_moment_moves_only_if_that_is_sure_but_at_the_start_e
     if not is_at_start:
         following.add(seen(-0.1, cars()))
     for k in range(8):
-        following.add(seen(0.1 * k, seen_to_move(0.3, 1.0 * k)))
+        following.add(seen(0.1 * k, seen_to_move(0.26, 1.0 * k)))
         verdicts = following.at(0.1 * k, []).verdicts
         p.append((bool(verdicts.is_moving[0]), probability(following, 0.1 * k)))
     assert 0.5 < p[3][1] < SCRAP
@@ -81,7 +81,7 @@ def test_what_appears_for_a_moment_moves_only_if_that_is_sure_but_at_the_start_e
 def test_a_car_is_believed_to_move_more_once_later_scans_saw_its_place_free():
     following = Following(SETTINGS, 0.0)
     for k in range(2):
-        following.add(seen(0.1 * k, seen_to_move(0.3, 1.0 * k), is_far=False))
+        following.add(seen(0.1 * k, seen_to_move(0.26, 1.0 * k), is_far=False))
     before = probability(following, 0.1)
     for k in range(2):
         following.renew(seen(0.1 * k, cars(1.0 * k), is_far=True))

@@ -79,13 +79,14 @@ def judge_tracks(tracks: Tracks, segments: Segments, stamps: Array, past: Past |
     ----------
     segments : Segments of all scans.
     stamps : (N,) float64, seconds.
-    past : of each track, if they are judged while more scans come: the way does not count, as it is not over.
+    past : of each track, if they are judged while more scans come: that it has gone no way yet does not count.
     """
     known = Past.nothing(len(tracks)) if past is None else past
     first, times, ratio, scatter, displaced = _weighted(tracks, segments, stamps, known)
     _, p_ever = state_probabilities(first, times, ratio, *known.before(first, times), BEGIN, END)
-    if past is None:
-        p_ever = expit(logit(p_ever) + DISPLACED * displaced + LEFT)
+    way = DISPLACED * displaced + LEFT
+    # What has not gone far may still go; what has gone far has.
+    p_ever = expit(logit(p_ever) + (way if past is None else np.maximum(way, 0.0)))
     p_ever[(np.diff(first) < 2) & np.isinf(known.stamp)] = 0.0
     is_moving = p_ever >= 0.5
     verdict = np.where(is_moving, Verdict.MOVING, Verdict.STATIC).astype(np.int8)

@@ -114,11 +114,11 @@ def can_follow(stamps: Array) -> bool:
 
 
 def _start(found: Detections, settings: TrackingSettings) -> Objects:
-    """Return all of `found` as new objects; those that have moved get the velocity variance of traffic."""
+    """Return all of `found` as new objects; what is not known to stay gets the velocity variance of traffic."""
     n, share = len(found), found.moving_share
     variance = np.full(n, settings.filter.initial_velocity_variance)
     if settings.method == "evidence":
-        variance[share > 0.5] = settings.gates.speed**2
+        variance[share >= 0.5] = settings.gates.speed**2
     belief, zero = kalman.start(found.boxes, settings.filter, variance), np.zeros(n, np.int64)
     count = found.n_points.astype(np.float64)
     return Objects(belief.mean, belief.covariance, zero, np.zeros(n), zero.copy(), share, count)
