@@ -59,6 +59,19 @@ def _dismiss(session: Session, body: Body) -> dict[str, Any]:
     return session.status()
 
 
+def _make_ahead(session: Session, body: Body) -> dict[str, Any]:
+    named = body.get("places")
+    if not isinstance(named, list):
+        raise InputError("places is not a list of places' numbers")
+    session.make_ahead([number(one, "a place") for one in named])
+    return {}
+
+
+def _cancel(session: Session, body: Body) -> dict[str, Any]:
+    session.cancel()
+    return {}
+
+
 def _finish(session: Session, body: Body) -> dict[str, Any]:
     session.finish()
     return session.status()
@@ -76,6 +89,7 @@ def _missed(session: Session, body: Body) -> dict[str, Any]:
 
 ASKED: dict[str, Callable[[Session, Mapping[str, list[str]]], dict[str, Any]]] = {
     "overview": lambda session, query: session.overview(),
+    "following": lambda session, query: session.following(),
     "status": lambda session, query: session.status(),
     "pictures": lambda session, query: session.pictures_now(),
     "scene": lambda session, query: session.scene(number(query.get("track", [""])[0])),
@@ -88,6 +102,8 @@ ASKED: dict[str, Callable[[Session, Mapping[str, list[str]]], dict[str, Any]]] =
 SAID: dict[str, Callable[[Session, Body], dict[str, Any]]] = {
     "decide": _decide,
     "propose": _propose,
+    "ahead": _make_ahead,
+    "cancel": _cancel,
     "accept": _accept,
     "cut": _cut,
     "split": _split,

@@ -23,7 +23,8 @@ class Queue:
         self._stages = stages
         self._stakes = weigh(stages)
         self._rows = [self._row_of_track(k) for k in range(len(stages.tracks))]
-        self.places = [dict(concern, place=n) for n, concern in enumerate(concerns) if "segment" in concern]
+        places = [concern for concern in concerns if "segment" in concern]
+        self.places = [dict(place, place=n) for n, place in enumerate(places)]
         self._gone: dict[int, set[int]] = {}
         self._replaced: dict[int, tuple[list[str], list[int]]] = {}
 
