@@ -3,12 +3,12 @@
 import json
 import shutil
 import threading
-import time
 from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 import pytest
+from browsing import until
 
 from automos.core.errors import InputError
 from automos.objects.verdict import Verdict
@@ -72,13 +72,6 @@ class Asking(threading.Thread):
         self.join(60)
         assert not self.is_alive()
         return self
-
-
-def until(asks):
-    end = time.monotonic() + 60.0
-    while not asks():
-        assert time.monotonic() < end
-        time.sleep(0.02)
 
 
 def test_two_who_ask_for_the_same_wait_for_one_and_have_the_same(session):

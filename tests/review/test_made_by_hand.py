@@ -5,10 +5,10 @@ import copy
 import json
 import shutil
 import threading
-import time
 
 import numpy as np
 import pytest
+from browsing import until
 from typer.testing import CliRunner
 
 from automos.cli import app
@@ -268,15 +268,6 @@ def test_what_is_in_sight_has_its_picture_before_all_scans_are_read(session, mon
     goes_on.set()
     until(lambda: made.to_page([])["ready"])
     assert len(made.to_page([])["pictures"]) == len(session.stages.tracks)
-
-
-def until(asks):
-    """Return what `asks` returns once it is true, within a minute."""
-    end = time.monotonic() + 60.0
-    while not (found := asks()):
-        assert time.monotonic() < end
-        time.sleep(0.02)
-    return found
 
 
 def test_an_object_taken_back_is_taken_out_of_the_labels_when_the_session_ended_before(session):

@@ -27,8 +27,11 @@ GLANCE = 0.1
 """Seconds between looks whether somebody still waits for what another thread makes."""
 
 
-class _GivenUpError(Exception):
-    """Nobody waits for it any more."""
+class GivenUpError(InputError):
+    """Nobody waits for a proposal any more."""
+
+    def __init__(self) -> None:
+        super().__init__("it is no longer followed: it was given up, or something else was asked for")
 
 
 class _Proposal:
@@ -44,7 +47,7 @@ class _Proposal:
 
     def _on_scan(self, total: int) -> None:
         if not self._may_go_on():
-            raise _GivenUpError
+            raise GivenUpError
         self.sought, self.total = self.sought + (total > 0), total
 
     def made(self, changes: Callable[[], Changes], may_go_on: Callable[[], bool]) -> tuple[Amendment, dict[str, Any]]:
@@ -89,7 +92,9 @@ class Proposals:
         Raises
         ------
         InputError
-            Nothing is there, or something else was asked for meanwhile, or it was cancelled.
+            Nothing is there.
+        GivenUpError
+            Something else was asked for meanwhile, or it was cancelled.
         """
         with self._news:
             if what != self.asked:
@@ -98,21 +103,16 @@ class Proposals:
             self._n_asking += 1
         try:
             while not one.lock.acquire(timeout=GLANCE):
-                self._require(turn)
+                if self._turn != turn:
+                    raise GivenUpError
             try:
                 return one.made(self._changes, lambda: self._turn == turn)
             finally:
                 one.lock.release()
-        except _GivenUpError:
-            raise InputError("it is no longer followed: it was cancelled, or something else was asked for") from None
         finally:
             with self._news:
                 self._n_asking -= 1
                 self._news.notify_all()
-
-    def _require(self, turn: int) -> None:
-        if self._turn != turn:
-            raise _GivenUpError
 
     def make_ahead(self, wanted: Iterable[What]) -> None:
         """Make these while nothing is waited for, and no others."""
@@ -159,7 +159,7 @@ class Proposals:
             try:
                 with one.lock:
                     one.made(self._changes, partial(self._is_wanted, what))
-            except _GivenUpError:
+            except GivenUpError:
                 continue
             except Exception as error:  # whoever asks for it hears of it
                 _log.debug("%s cannot be made ahead", what, exc_info=not isinstance(error, AutomosError))

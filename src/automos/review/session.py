@@ -11,7 +11,7 @@ from automos.core.errors import InputError
 from automos.core.workspace import Workspace
 from automos.results.run_files import RunFiles
 from automos.results.run_warnings import general_sentences
-from automos.review.ahead import Proposals, What
+from automos.review.ahead import GivenUpError, Proposals, What
 from automos.review.amendments import Amendment
 from automos.review.apply import Changes, reapply
 from automos.review.log import now
@@ -132,49 +132,37 @@ class Session:
     ) -> dict[str, Any]:
         """Return the scene of what is at a point of a scan, in drawn boxes, or at a place, followed through time.
 
-        It is kept until it is accepted or another is proposed.
+        It is kept until it is accepted or another is proposed. Nothing is returned once it is given up.
 
         Raises
         ------
         InputError
             Nothing is there.
         """
-        found, shown = self.proposals.get(self._what(index, at, boxes, number))
-        return {**shown, "n_scans": len(found.parts), "points_of_it": sum(len(p.rows) for p in found.parts.values())}
-
-    def _what(
-        self,
-        index: int | None,
-        at: tuple[float, float] | None,
-        boxes: dict[int, list[float]] | None,
-        number: int | None,
-    ) -> What:
         if boxes:
             for scan in boxes:
                 self._require_scan(scan)
-            return Proposer.in_boxes, tuple((scan, tuple(box)) for scan, box in sorted(boxes.items()))
-        if number is not None and 0 <= number < len(self.queue.places):
-            return self._what_at(number)
-        if index is None or at is None:
+            what: What = Proposer.in_boxes, tuple((scan, tuple(box)) for scan, box in sorted(boxes.items()))
+        elif number is not None:
+            what = self._what_at(number)
+        elif index is not None and at is not None:
+            self._require_scan(index)
+            what = Proposer.at, index, *at
+        else:
             raise InputError("say where: a point of a scan, boxes, or a place")
-        self._require_scan(index)
-        return Proposer.at, index, *at
-
-    def _what_at(self, number: int) -> What:
-        place = self.queue.places[number]
-        return Proposer.from_segment, self.stages.index[place["scan"]], place["segment"]
+        try:
+            found, shown = self.proposals.get(what)
+        except GivenUpError:
+            return {}
+        return {**shown, "n_scans": len(found.parts), "points_of_it": sum(len(p.rows) for p in found.parts.values())}
 
     def make_ahead(self, numbers: list[int]) -> None:
-        """Make, while nothing else is waited for, what `propose` will be asked for: places by their numbers."""
-        self.proposals.make_ahead([self._what_at(n) for n in numbers[:AHEAD] if 0 <= n < len(self.queue.places)])
+        """Make what places will show, by their numbers, while nothing is waited for; InputError if there is none."""
+        self.proposals.make_ahead(map(self._what_at, numbers[:AHEAD]))
 
-    def cancel(self) -> None:
-        """Give up what is proposed, or on the way to be."""
-        self.proposals.cancel()
-
-    def following(self) -> dict[str, int]:
-        """Return how many scans what is to be proposed was sought in so far, and in how many it is, 0 at first."""
-        return self.proposals.progress()
+    def _what_at(self, number: int) -> What:
+        place = self.queue.place(number)
+        return Proposer.from_segment, self.stages.index[place["scan"]], place["segment"]
 
     def accept(self, first: int, last: int, verdict: str = "moving") -> int:
         """Make the proposal an object, in scans `first` to `last`; return its id.

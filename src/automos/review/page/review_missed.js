@@ -86,7 +86,6 @@ function makeMissed(now, page) {
     pending = what;
     await Promise.all([page.sent(), givenUp]); // what was decided before holds for what is proposed
     if (pending !== what) return null;
-    const asked = ask("api/propose", what);
     const look = async () => {
       const { scans, of } = await ask("api/following").catch(() => ({}));
       if (pending !== what) return;
@@ -95,10 +94,8 @@ function makeMissed(now, page) {
     };
     const looking = setTimeout(look, 600);
     try {
-      return await asked;
-    } catch (error) {
-      if (pending !== what) return null;
-      throw error;
+      const found = await ask("api/propose", what);
+      return found.moments ? found : null;
     } finally {
       clearTimeout(looking);
       if (pending === what) pending = null;
