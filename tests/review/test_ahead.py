@@ -3,6 +3,7 @@
 import json
 import shutil
 import threading
+import time
 from dataclasses import replace
 from functools import lru_cache
 
@@ -11,11 +12,15 @@ import pytest
 from browsing import until
 
 from automos.core.errors import InputError
+from automos.core.workspace import UNFINISHED, Workspace
 from automos.objects.verdict import Verdict
 from automos.results.open_run import open_run
+from automos.review import session as session_module
+from automos.review.log import append_lines, now
 from automos.review.proposals import Proposer
 from automos.review.queue import Queue
 from automos.review.session import Session
+from automos.review.waiting import Waiting
 
 
 @pytest.fixture
@@ -80,7 +85,7 @@ def test_two_who_ask_for_the_same_wait_for_one_and_have_the_same(session):
     first = Asking(session, missed)
     assert missed.has_begun.wait(60)
     second = Asking(session, missed)
-    until(lambda: session.proposals._n_asking == 2)
+    until(lambda: session._waiting._n == 2)
     missed.may_go_on.set()
     found, _ = first.done().found
     assert second.done().found[0] is found
@@ -149,9 +154,9 @@ def test_what_nobody_waits_for_any_more_is_given_up(session, is_cancelled):
     missed.may_go_on.clear()
     asking = Asking(session, missed)
     assert missed.has_begun.wait(60)
-    assert 0 < session.following()["scans"] < session.following()["of"]
+    assert 0 < session.proposals.progress()["scans"] < session.proposals.progress()["of"]
     if is_cancelled:
-        session.cancel()
+        session.proposals.cancel()
     else:
         assert session.proposals.get((other,))[0].parts
     missed.may_go_on.set()
@@ -170,7 +175,7 @@ def test_what_is_made_ahead_gives_way_and_goes_on_where_it_was(session):
     asking = Asking(session, asked)
     assert asked.has_begun.wait(60)
     ahead.may_go_on.set()
-    until(lambda: not session.proposals._kept[(ahead,)].lock.locked())
+    time.sleep(0.5)
     assert ahead.n == 1
     asked.may_go_on.set()
     asking.done()
@@ -208,7 +213,7 @@ def test_places_are_numbered_as_they_are_listed_whatever_else_is_worth_knowing(s
     queue = Queue(session.stages, [{"kind": "camera", "sentence": "The poses are a camera's."}, place])
     session.record.queue = queue
     (row,) = [row for row in session.overview()["items"] if "place" in row]
-    session.make_ahead([row["place"], 7])
+    session.make_ahead([row["place"]])
     until(lambda: not session.proposals._ahead)
     assert list(session.proposals._kept) == [
         (Proposer.from_segment, session.stages.index[place["scan"]], place["segment"])
@@ -216,3 +221,31 @@ def test_places_are_numbered_as_they_are_listed_whatever_else_is_worth_knowing(s
     assert session.propose(number=row["place"])["n_scans"] > 1
     session.dismiss(row["place"])
     assert json.loads((session.run.folder / "review.jsonl").read_text().splitlines()[-1])["scan"] == place["scan"]
+
+
+def test_what_goes_on_beside_gives_way_while_somebody_waits():
+    waiting, done = Waiting(), threading.Event()
+    with waiting, waiting:
+        threading.Thread(target=lambda: waiting.give_way() or done.set(), daemon=True).start()
+        waiting.give_way(unless=lambda: True)
+        assert not done.wait(0.2)
+    assert done.wait(60)
+
+
+def test_what_is_in_the_results_already_is_not_applied_again_and_what_is_not_is(session, monkeypatch):
+    applied = []
+    monkeypatch.setattr(session_module, "reapply", lambda folder, *_: applied.append(folder))
+    run = session.run
+    session.decide([1], "unknown")
+    Session(run).close()  # it is logged, and not yet known to be written
+    assert applied == [run.folder]
+    session.finish()
+    Session(run).close()
+    assert len(applied) == 1
+    append_lines(run.folder, [{"kind": "dismissed", "at": now(), "scan": session.stages.names[0], "row": 0}])
+    Session(run).close()
+    assert len(applied) == 1
+    record = Workspace(run.folder).read_run()
+    (run.folder / "run.json").write_text(json.dumps({**record, UNFINISHED: True}))  # labelling again was cut off
+    Session(run).close()
+    assert len(applied) == 2

@@ -21,6 +21,7 @@ from automos.review.amendments import Part, append_verdicts, read_amendments
 from automos.review.apply import reapply
 from automos.review.log import LOG_FILE, read_lines
 from automos.review.session import Session
+from automos.review.waiting import Waiting
 from automos.views.thumbnails import Thumbnails
 
 
@@ -262,7 +263,7 @@ def test_what_is_in_sight_has_its_picture_before_all_scans_are_read(session, mon
 
     monkeypatch.setattr(pictures, "IN_SIGHT", 1)
     run.scan = scan
-    made = pictures.Pictures(run, session.stages, session.queue)
+    made = pictures.Pictures(run, session.stages, session.queue, Waiting())
     shown = until(lambda: (page := made.to_page([]))["pictures"] and page)
     assert (list(shown["pictures"]), shown["ready"]) == ([first], False)
     goes_on.set()

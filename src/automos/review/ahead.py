@@ -15,6 +15,7 @@ from automos.review.proposals import Proposer
 from automos.review.run_stages import RunStages
 from automos.review.scenes import scene
 from automos.review.subjects import subject_of_amendment
+from automos.review.waiting import Waiting
 from automos.review.ways import OnScan, Way, proposed
 
 _log = logging.getLogger(__name__)
@@ -74,15 +75,15 @@ def _is_same(one: Amendment, other: Amendment) -> bool:
 class Proposals:
     """The proposals of one review: at most one is waited for, and while none is, others are made ahead."""
 
-    def __init__(self, stages: RunStages, changes: Callable[[], Changes]):
-        """Take the run's stages, and what gives all changes as they are now."""
-        self._stages, self._changes = stages, changes
+    def __init__(self, stages: RunStages, changes: Callable[[], Changes], waiting: Waiting):
+        """Take the run's stages, what gives all changes as they are now, and what tells that somebody waits."""
+        self._stages, self._changes, self._waiting = stages, changes, waiting
         self._proposer = Proposer(stages)
         self._kept: dict[What, _Proposal] = {}
         self._ahead: list[What] = []
         self.asked: What | None = None
         """What was asked for last, unless it was cancelled."""
-        self._n_asking, self._turn, self._is_stopped = 0, 0, False
+        self._turn, self._is_stopped = 0, False
         self._news = threading.Condition()
         threading.Thread(target=self._work, daemon=True).start()
 
@@ -100,8 +101,7 @@ class Proposals:
             if what != self.asked:
                 self.asked, self._turn = what, self._turn + 1
             turn, one = self._turn, self._proposal(what)
-            self._n_asking += 1
-        try:
+        with self._waiting:
             while not one.lock.acquire(timeout=GLANCE):
                 if self._turn != turn:
                     raise GivenUpError
@@ -109,10 +109,6 @@ class Proposals:
                 return one.made(self._changes, lambda: self._turn == turn)
             finally:
                 one.lock.release()
-        finally:
-            with self._news:
-                self._n_asking -= 1
-                self._news.notify_all()
 
     def make_ahead(self, wanted: Iterable[What]) -> None:
         """Make these while nothing is waited for, and no others."""
@@ -151,7 +147,7 @@ class Proposals:
     def _work(self) -> None:
         while True:
             with self._news:
-                self._news.wait_for(lambda: self._is_stopped or (self._ahead and not self._n_asking))
+                self._news.wait_for(lambda: self._is_stopped or self._ahead)
                 if self._is_stopped:
                     return
                 what = self._ahead[0]
@@ -167,4 +163,5 @@ class Proposals:
                 self._ahead = [other for other in self._ahead if other != what]
 
     def _is_wanted(self, what: What) -> bool:
-        return self.asked == what if self._n_asking else what in self._ahead
+        self._waiting.give_way(unless=lambda: self.asked == what or what not in self._ahead)
+        return self.asked == what or what in self._ahead

@@ -13,7 +13,7 @@ from automos.results.run_files import RunFiles
 from automos.results.run_warnings import general_sentences
 from automos.review.ahead import GivenUpError, Proposals, What
 from automos.review.amendments import Amendment
-from automos.review.apply import Changes, reapply
+from automos.review.apply import Changes, is_applied, reapply
 from automos.review.log import now
 from automos.review.looking import open_sample
 from automos.review.pictures import Pictures
@@ -25,6 +25,7 @@ from automos.review.reshaping import as_amendment, cut, join, split
 from automos.review.run_stages import RunStages
 from automos.review.scenes import scene
 from automos.review.subjects import Subject, subject_of_amendment, subject_of_track
+from automos.review.waiting import Waiting
 
 AHEAD = 3
 """Places made ahead: with those a person has for each the time that she looks at three others."""
@@ -50,10 +51,12 @@ class Session:
         """
         self.run = run
         self.stages = RunStages(run.folder, run.sequence)
-        reapply(run.folder, run.sequence, progress)
-        self.record = Record(run, self.stages)
-        self._pictures = Pictures(run, self.stages, self.queue)
-        self.proposals = Proposals(self.stages, lambda: self.changes)
+        if not is_applied(run.folder):
+            reapply(run.folder, run.sequence, progress)
+        self._waiting = Waiting()
+        self.record = Record(run, self.stages, self._waiting)
+        self._pictures = Pictures(run, self.stages, self.queue, self._waiting)
+        self.proposals = Proposals(self.stages, lambda: self.changes, self._waiting)
         self.looking = None if n_looks is None else open_sample(self.stages, self.changes, n_looks, progress)
         self._reshaping = threading.Lock()  # what two people cut is cut once
 
@@ -85,12 +88,14 @@ class Session:
         InputError
             There is no such object.
         """
-        return scene(self.stages, self._subject(track))
+        with self._waiting:
+            return scene(self.stages, self._subject(track))
 
     def place(self, index: int) -> dict[str, Any]:
         """Return what the page draws of scan `index`, all around the sensor; InputError if there is none."""
         self._require_scan(index)
-        return place(self.stages, index, self.changes)
+        with self._waiting:
+            return place(self.stages, index, self.changes)
 
     def pictures_now(self) -> dict[str, Any]:
         """Return the pictures of the list that there are so far."""
