@@ -1,4 +1,4 @@
-"""Waiting for a page in a browser."""
+"""Waiting for a page in a browser, and for what goes on beside a test."""
 
 import time
 
@@ -12,3 +12,12 @@ def wait_for(browser, script, seconds=15):
             return found
         time.sleep(0.05)
     raise AssertionError(f"never true: {script}")
+
+
+def until(asks, seconds=60):
+    """Return what `asks` returns as soon as that is something."""
+    end = time.monotonic() + seconds
+    while not (found := asks()):
+        assert time.monotonic() < end
+        time.sleep(0.02)
+    return found

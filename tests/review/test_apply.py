@@ -18,6 +18,7 @@ from automos.results.run_files import RunFiles
 from automos.review import apply
 from automos.review.apply import Changes, decided_labels, reapply, rewrite_scan
 from automos.review.decisions import Cover, Decision, append_decisions, read_decisions
+from automos.review.log import key_of_changes
 from automos.review.matching import cover_tracks, match
 from automos.review.run_stages import RunStages
 
@@ -108,7 +109,7 @@ def test_tracks_json_tells_the_decision_and_what_was_found(run, recording):
     assert (now["verdict"], now["confidence"]) == ("static", 1.0)
     assert now["found"] == {"verdict": "moving", "confidence": found["confidence"]}
     assert now["boxes"] == found["boxes"]
-    assert told["review"] == {"decisions": 1, "made": 0, "lost": []}
+    assert told["review"] == {"decisions": 1, "made": 0, "lost": [], "applied": key_of_changes(run)}
     assert told["tracks"]["moving"] == int((stages.verdicts.verdict == Verdict.MOVING).sum()) - 1
 
 

@@ -5,10 +5,10 @@ import copy
 import json
 import shutil
 import threading
-import time
 
 import numpy as np
 import pytest
+from browsing import until
 from typer.testing import CliRunner
 
 from automos.cli import app
@@ -21,6 +21,7 @@ from automos.review.amendments import Part, append_verdicts, read_amendments
 from automos.review.apply import reapply
 from automos.review.log import LOG_FILE, read_lines
 from automos.review.session import Session
+from automos.review.waiting import Waiting
 from automos.views.thumbnails import Thumbnails
 
 
@@ -262,21 +263,12 @@ def test_what_is_in_sight_has_its_picture_before_all_scans_are_read(session, mon
 
     monkeypatch.setattr(pictures, "IN_SIGHT", 1)
     run.scan = scan
-    made = pictures.Pictures(run, session.stages, session.queue)
+    made = pictures.Pictures(run, session.stages, session.queue, Waiting())
     shown = until(lambda: (page := made.to_page([]))["pictures"] and page)
     assert (list(shown["pictures"]), shown["ready"]) == ([first], False)
     goes_on.set()
     until(lambda: made.to_page([])["ready"])
     assert len(made.to_page([])["pictures"]) == len(session.stages.tracks)
-
-
-def until(asks):
-    """Return what `asks` returns once it is true, within a minute."""
-    end = time.monotonic() + 60.0
-    while not (found := asks()):
-        assert time.monotonic() < end
-        time.sleep(0.02)
-    return found
 
 
 def test_an_object_taken_back_is_taken_out_of_the_labels_when_the_session_ended_before(session):

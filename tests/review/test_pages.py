@@ -7,17 +7,20 @@ from functools import partial
 
 import numpy as np
 import pytest
+from browsing import until
 from browsing import wait_for as browser_waits
 
 from automos.objects.verdict import Verdict
 from automos.results.open_run import open_run
 from automos.review import writer as writer_module
 from automos.review.amendments import read_amendments
+from automos.review.proposals import Proposer
 from automos.review.server import ReviewServer
 from automos.review.session import Session
 
 pytestmark = pytest.mark.browser
 wait_for = partial(browser_waits, seconds=30)
+ESCAPE = "\ue00c"
 
 
 def press(browser, key):
@@ -220,3 +223,54 @@ def test_a_sample_is_answered_by_keys_and_tells_how_good_the_labels_are(browser,
         server.server_close()
         session.close()
     assert json.loads((run / "run.json").read_text())["quality"]["precision"]["value"] == 1.0
+
+
+@pytest.fixture
+def places(server):
+    """Return two places of a mover that was missed, in the list of the session."""
+    session = server.session
+    track = int(np.flatnonzero(session.stages.verdicts.verdict == Verdict.MOVING)[0])
+    session.decide([track + 1], "static")
+    tracks = session.stages.tracks
+    seen = np.flatnonzero(tracks.is_observed & (tracks.track == track))
+    session.queue.places = [
+        {
+            "place": n, "sentence": "Was it lost?", "track": track + 1, "at": [0.0, 0.0], "points": 10**6 - n,
+            "scan": session.stages.names[tracks.scan[row]], "segment": int(tracks.segment[row]),
+        }
+        for n, row in enumerate(seen[[len(seen) // 2, len(seen) // 2 + 1]])
+    ]  # fmt: skip
+    return session.queue.places
+
+
+def test_how_far_something_is_followed_is_told_and_escape_gives_it_up(browser, server, places, monkeypatch):
+    may_go_on, real = threading.Event(), Proposer._painted
+
+    def slow(*args):
+        may_go_on.wait(60)
+        return real(*args)
+
+    monkeypatch.setattr(Proposer, "_painted", slow)
+    browser.get(server.url)
+    wait_for(browser, "/scan 1 of [0-9]+/.test(document.getElementById('saved').textContent)")
+    press(browser, ESCAPE)
+    wait_for(browser, "document.getElementById('saved').textContent === 'given up'")
+    may_go_on.set()
+    wait_for(browser, "!document.body.classList.contains('busy')")
+    assert browser.execute_script("return document.body.dataset.mode") == "object"
+    assert not browser.execute_script("return document.querySelector('#saved.problem')")
+    browser.execute_script("document.querySelector('#queue [data-id=p0]').click()")
+    wait_for(browser, "document.body.dataset.shown === 'p0'")
+
+
+def test_the_next_place_is_made_while_one_is_looked_at(browser, server, places, monkeypatch):
+    browser.get(server.url)
+    wait_for(browser, "document.body.dataset.shown === 'p0'")
+    made = Proposer.from_segment, server.session.stages.index[places[1]["scan"]], places[1]["segment"]
+    proposals = server.session.proposals
+    until(lambda: made in proposals._kept and not proposals._ahead)
+    monkeypatch.setattr(Proposer, "_painted", lambda *args: pytest.fail("it is followed anew"))
+    press(browser, ESCAPE)  # nothing was missed at the first
+    wait_for(browser, "document.body.dataset.shown === 'p1'")
+    assert [row["decided"] for row in server.session.overview()["items"] if "place" in row] == ["done", None]
+    browser.get("about:blank")  # it asks for the status now and then

@@ -39,11 +39,10 @@ def label_scans(scans: Scans, objects: TrackedObjects, settings: Settings, worke
     """Yield for each missing scan every point's label, moving track and confidence."""
     is_followed = settings.tracking.method == "paper" or can_follow(scans.frames.stamps)
     tables = (objects.tracks, objects.parts, objects.scraps)
-    rows_of_scan = [table.rows_by_scan(len(scans.names)) for table in tables]
 
     def label_scan(i: int) -> Arrays:
         found, about = scans.instances.load(scans.names[i]), scans.candidates.load(scans.names[i], "kind", "log_odds")
-        here = InScan(*(table[rows[i]] for table, rows in zip(tables, rows_of_scan, strict=True)))
+        here = InScan(*(table[table.rows_in_scan(i)] for table in tables))
         return label_points(scans.frames[i], about, found, here, objects, settings, is_followed)
 
     return zip(missing, map_in_order(label_scan, missing, workers, threads=True), strict=True)

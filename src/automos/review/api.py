@@ -15,19 +15,15 @@ MAX_BODY = 200_000
 
 
 def _decide(session: Session, body: Body) -> dict[str, Any]:
-    named = body.get("tracks", [body.get("track")])
-    if not isinstance(named, list):
-        raise InputError("tracks is not a list of objects' numbers")
+    named = _list(body, "tracks") if "tracks" in body else [body.get("track")]
     session.decide([number(track) for track in named], str(body.get("verdict")))
     return session.status()
 
 
 def _propose(session: Session, body: Body) -> dict[str, Any]:
     if "boxes" in body:
-        if not isinstance(body["boxes"], list) or not body["boxes"]:
-            raise InputError("boxes is not a list of drawn boxes")
-        boxes = {number(one.get("index"), "a scan"): _box(one.get("box")) for one in body["boxes"] if _is_map(one)}
-        return session.propose(boxes=boxes)
+        boxes = [one if isinstance(one, Mapping) else {} for one in _list(body, "boxes")]
+        return session.propose(boxes={number(one.get("index"), "a scan"): _box(one.get("box")) for one in boxes})
     if "place" in body:
         return session.propose(number=number(body["place"], "a place"))
     return session.propose(number(body.get("index"), "a scan"), (_metres(body.get("x")), _metres(body.get("y"))))
@@ -48,15 +44,22 @@ def _split(session: Session, body: Body) -> dict[str, Any]:
 
 
 def _join(session: Session, body: Body) -> dict[str, Any]:
-    named = body.get("tracks")
-    if not isinstance(named, list):
-        raise InputError("tracks is not a list of objects' numbers")
-    return {"id": session.join([number(track) for track in named]), **session.status()}
+    return {"id": session.join([number(track) for track in _list(body, "tracks")]), **session.status()}
 
 
 def _dismiss(session: Session, body: Body) -> dict[str, Any]:
     session.dismiss(number(body.get("place"), "a place"))
     return session.status()
+
+
+def _make_ahead(session: Session, body: Body) -> dict[str, Any]:
+    session.make_ahead([number(one, "a place") for one in _list(body, "places")])
+    return {}
+
+
+def _cancel(session: Session, body: Body) -> dict[str, Any]:
+    session.proposals.cancel()
+    return {}
 
 
 def _finish(session: Session, body: Body) -> dict[str, Any]:
@@ -76,6 +79,7 @@ def _missed(session: Session, body: Body) -> dict[str, Any]:
 
 ASKED: dict[str, Callable[[Session, Mapping[str, list[str]]], dict[str, Any]]] = {
     "overview": lambda session, query: session.overview(),
+    "following": lambda session, query: session.proposals.progress(),
     "status": lambda session, query: session.status(),
     "pictures": lambda session, query: session.pictures_now(),
     "scene": lambda session, query: session.scene(number(query.get("track", [""])[0])),
@@ -88,6 +92,8 @@ ASKED: dict[str, Callable[[Session, Mapping[str, list[str]]], dict[str, Any]]] =
 SAID: dict[str, Callable[[Session, Body], dict[str, Any]]] = {
     "decide": _decide,
     "propose": _propose,
+    "ahead": _make_ahead,
+    "cancel": _cancel,
     "accept": _accept,
     "cut": _cut,
     "split": _split,
@@ -132,7 +138,7 @@ def _box(values: Any) -> list[float]:
     return [_metres(value) for value in values]
 
 
-def _is_map(one: Any) -> bool:
-    if not isinstance(one, Mapping):
-        raise InputError("a drawn box has an index and a box")
-    return True
+def _list(body: Body, name: str) -> list[Any]:
+    if not isinstance(body.get(name), list):
+        raise InputError(f"{name} is not a list")
+    return list(body[name])

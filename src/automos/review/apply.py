@@ -22,13 +22,14 @@ from automos.core.atomic import write_text
 from automos.core.labels import Label, as_probability
 from automos.core.reading import read_bytes
 from automos.core.scan import Sequence
-from automos.core.workspace import REVIEWED, RUN_FILE, Workspace
+from automos.core.workspace import REVIEWED, RUN_FILE, UNFINISHED, Workspace
 from automos.objects.labels import label_scans
 from automos.objects.verdict import Verdict, Verdicts
 from automos.results.point_files import write_points
 from automos.results.tracks_file import box_entry, track_entries, write_tracks
 from automos.review.amendments import Amendment, ever_made, in_scans, read_amendments
 from automos.review.decisions import Decision, read_decisions
+from automos.review.log import key_of_changes
 from automos.review.matching import ever_decided, match
 from automos.review.run_stages import RunStages
 
@@ -77,7 +78,24 @@ def reapply(
     for done, i in enumerate(scans, start=1):
         rewrite_scan(stages, i, changes)
         progress("decisions", done, len(scans))
-    return rewrite_run(stages, changes, lost)
+    rewrite_run(stages, changes, lost)
+    return note_applied(folder)
+
+
+def note_applied(folder: Path) -> dict[str, Any]:
+    """Have run.json say that all of the log of `folder` is in the results; return what it says."""
+    with RECORD:
+        run, key = Workspace(folder).read_run(), key_of_changes(folder)
+        if key:
+            run["review"] = {**run.get("review", {}), "applied": key}
+            write_text(folder / RUN_FILE, json.dumps(run, indent=1))
+    return run
+
+
+def is_applied(folder: Path) -> bool:
+    """Return whether all of the log of `folder` is in the results; errors as for the log."""
+    run = Workspace(folder).read_run()
+    return UNFINISHED not in run and run.get("review", {}).get("applied") == key_of_changes(folder)
 
 
 def scans_of(stages: RunStages, tracks: Iterable[int], amendments: Iterable[Amendment] = ()) -> list[int]:
@@ -167,8 +185,8 @@ def decided_verdicts(found: Verdicts, decided: dict[int, str]) -> Verdicts:
 
 
 # ------------------------------------------------------------------------------------------- tracks.json and run.json
-def rewrite_run(stages: RunStages, changes: Changes, lost: list[Decision | Amendment]) -> dict[str, Any]:
-    """Write tracks.json and run.json after all changes; return what run.json says."""
+def rewrite_run(stages: RunStages, changes: Changes, lost: list[Decision | Amendment]) -> None:
+    """Write tracks.json and run.json after all changes."""
     counted: Counter[str] = Counter()
 
     def entries() -> Iterator[dict[str, Any]]:  # one after another: those of a long recording take much memory
@@ -193,7 +211,6 @@ def rewrite_run(stages: RunStages, changes: Changes, lost: list[Decision | Amend
         run["tracks"] = {**run.get("tracks", {}), "total": counted.total(), "moving": counted["moving"]}
         run["review"] = review
         write_text(stages.folder / RUN_FILE, json.dumps(run, indent=1))
-    return run
 
 
 def changed_entries(stages: RunStages, changes: Changes) -> Iterator[dict[str, Any]]:

@@ -7,14 +7,15 @@ from automos.core.errors import AutomosError
 from automos.core.label_files import read_labels
 from automos.evaluation.moving import Counts, count
 from automos.review.run_stages import RunStages
+from automos.review.waiting import Waiting
 
 
 class Gain:
     """Counts of each scan before and after; a scan is counted again when its labels were written again."""
 
-    def __init__(self, stages: RunStages):
+    def __init__(self, stages: RunStages, waiting: Waiting):
         """Begin to count, in a thread: `stages` are its own."""
-        self._stages = stages
+        self._stages, self._waiting = stages, waiting
         self._found: dict[int, Counts] = {}
         self._now: dict[int, tuple[int, Counts]] = {}
         self._is_whole = False
@@ -28,6 +29,7 @@ class Gain:
                 return  # there is no truth
             try:
                 for index, name in enumerate(self._stages.names):
+                    self._waiting.give_way()
                     self._count_scan(index, name)
                 self._is_whole = True
             except (AutomosError, OSError):

@@ -12,6 +12,7 @@ from automos.review.amendments import Amendment
 from automos.review.apply import Changes, amended_entry, number_of
 from automos.review.queue import Queue
 from automos.review.run_stages import RunStages
+from automos.review.waiting import Waiting
 from automos.views.thumbnails import Thumbnails
 
 MOST = 400
@@ -23,9 +24,9 @@ IN_SIGHT = 12
 class Pictures:
     """Thumbnails by object id: of what was found once its scans were gone through, of what is made by hand at once."""
 
-    def __init__(self, run: RunFiles, stages: RunStages, queue: Queue):
+    def __init__(self, run: RunFiles, stages: RunStages, queue: Queue, waiting: Waiting):
         """Begin to make them."""
-        self._run, self._stages, self._queue = run, stages, queue
+        self._run, self._stages, self._queue, self._waiting = run, stages, queue, waiting
         self._found: dict[int, dict[str, Any]] = {}
         self._is_whole = False
         self._made: dict[int, dict[str, Any]] = {}
@@ -60,6 +61,7 @@ class Pictures:
     def _add(self, entries: list[dict[str, Any]]) -> None:
         thumbnails = Thumbnails(entries)
         for index in sorted(thumbnails.scans):
+            self._waiting.give_way()
             if self._is_stopped:
                 return
             scan = self._run.scan(index)

@@ -1,10 +1,10 @@
 """Objects that a person proposes: a cluster or a box, tracked through the recording, with its points.
 
 The tracker is offered a whole segment and the pieces that the evidence cut out of it; a click selects the smallest
-segment that holds the point. Points that already belong to a moving object stay with it: where the path of the new
-object enters a moving one, it ends.
+segment that holds the point.
 """
 
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
@@ -20,11 +20,9 @@ from automos.objects.tracking import TrackedObjects
 from automos.objects.tracks import Tracks
 from automos.objects.verdict import Verdict, Verdicts
 from automos.readers.box_truth import SOLE
-from automos.review.amendments import Amendment, Part
-from automos.review.apply import Changes, decided_verdicts, parts_in
-from automos.review.follow import Detect, follow_segment
-from automos.review.log import now
+from automos.review.follow import follow_segment
 from automos.review.run_stages import RunStages
+from automos.review.ways import Found, OnScan, Way
 
 REACH = 1.5
 """Metres around a click within which a point is looked for."""
@@ -34,8 +32,6 @@ MAX_TALL = 4.5
 """Metres above its lowest point that a drawn box may hold."""
 MAX_GAP = 1.5
 """Seconds for which it may be out of sight: a person sees what it is taken for afterwards, and where it ends."""
-MIN_OWN = 0.5
-"""Share of its points that must not move with something else already."""
 _NEW = -2
 """Segment that a person drew, which the run does not have."""
 
@@ -44,7 +40,7 @@ class Proposer:
     """Makes proposals for one run; keeps the segments of scans it has read."""
 
     def __init__(self, stages: RunStages):
-        """Take the run's stages, for this thread alone."""
+        """Take the run's stages."""
         self._stages = stages
         self.detections = lru_cache(4000)(self._detections)
 
@@ -53,7 +49,7 @@ class Proposer:
         return Detections.from_arrays(stage.load(self._stages.names[index], *Detections.columns()))
 
     # ------------------------------------------------------------------------------------------------- what is shown
-    def at(self, index: int, x: float, y: float, changes: Changes) -> Amendment:
+    def at(self, index: int, x: float, y: float, on_scan: OnScan) -> Way:
         """Return the thing at (`x`, `y`), metres in the level frame, in scan `index`, followed through time.
 
         Raises
@@ -62,7 +58,7 @@ class Proposer:
             Nothing stands there.
         """
         rows, segment = self._cluster(index, x, y)
-        return self._followed(index, rows, segment, changes)
+        return self._followed(index, rows, segment, on_scan)
 
     def rows_at(self, index: int, x: float, y: float) -> npt.NDArray[np.int64]:
         """Return the rows, of scan `index` as the recording has it, of the thing at (`x`, `y`); errors as of `at`."""
@@ -73,8 +69,8 @@ class Proposer:
         box = np.array([*found.center[segment], *found.size[segment], found.yaw[segment]])
         return self._painted(index, segment, box)
 
-    def in_boxes(self, boxes: dict[int, npt.NDArray[np.float64]], changes: Changes) -> Amendment:
-        """Return what is in boxes (5,) that a person drew: x, y, length, width, yaw by scan; level frame.
+    def in_boxes(self, boxes: tuple[tuple[int, tuple[float, ...]], ...], on_scan: OnScan) -> Way:
+        """Return what is in boxes that a person drew: scan, and x, y, length, width, yaw; level frame.
 
         One box is followed through time as what it holds; between several, the box goes straight from one to the next.
 
@@ -83,16 +79,16 @@ class Proposer:
         InputError
             Nothing stands in a box.
         """
-        upright = {index: self._upright(index, box) for index, box in sorted(boxes.items())}
+        upright = {index: self._upright(index, box) for index, box in sorted(boxes)}
         if len(upright) > 1:
-            return self._between(upright, changes)
+            return self._between(upright, on_scan)
         ((index, box),) = upright.items()
         rows = self._rows_in(index, box)
-        return self._followed(index, rows, self._segment_of(index, rows), changes)
+        return self._followed(index, rows, self._segment_of(index, rows), on_scan)
 
-    def from_segment(self, index: int, segment: int, changes: Changes) -> Amendment:
+    def from_segment(self, index: int, segment: int, on_scan: OnScan) -> Way:
         """Return `segment` of scan `index`, followed through time."""
-        return self._followed(index, self._rows_of_segment(index, segment), segment, changes)
+        return self._followed(index, self._rows_of_segment(index, segment), segment, on_scan)
 
     # ----------------------------------------------------------------------------------------------------- a cluster
     def _cluster(self, index: int, x: float, y: float) -> tuple[npt.NDArray[np.int64], int]:
@@ -126,46 +122,56 @@ class Proposer:
         return np.flatnonzero((ids == segment) | (stayed == segment))
 
     # --------------------------------------------------------------------------------------------------- through time
-    def _followed(self, index: int, rows: npt.NDArray[np.int64], segment: int, changes: Changes) -> Amendment:
-        detect: Detect = self.detections
+    def _followed(self, index: int, rows: npt.NDArray[np.int64], segment: int, on_scan: OnScan) -> Way:
+        first = self.detections(index)
         if segment == _NEW:
-            drawn = self._described(index, rows)
-            segment = len(self.detections(index))
-            with_drawn = Detections.concatenate([self.detections(index), drawn])
-            detect = lambda i: with_drawn if i == index else self.detections(i)  # noqa: E731
+            segment = len(first)
+            first = Detections.concatenate([first, self._described(index, rows)])
+
+        def detect(i: int) -> Detections:
+            on_scan(0)
+            return first if i == index else self.detections(i)
+
         stamps, follow = self._stages.trajectory.stamps, self._stages.settings.tracking
         settings = follow.model_copy(update={"max_gap": max(follow.max_gap, MAX_GAP)})
         path = follow_segment(detect, stamps, index, segment, settings)
-        parts = {}
-        for way in ([i for i in path if i >= index], [i for i in reversed(path) if i < index]):
-            for i in way:
-                own, box = path[i]
-                if own < 0:
-                    continue
-                is_drawn = i == index and own >= len(self.detections(index))
-                found = self._stages.kept(i)[rows] if is_drawn else self._painted(i, own, box)
-                free = found[~self._moves_already(i, changes)[found]]
-                if i != index and len(free) < MIN_OWN * len(found):
-                    break
-                if len(free):
-                    parts[self._stages.names[i]] = Part.of_box(free, box, self._stages.trajectory.T_level_sensor[i])
-        if not parts:
-            raise InputError("what stands there moves already: choose it in the list")
-        return _proposed(parts)
+        seen = {i: (own, box) for i, (own, box) in path.items() if own >= 0}
 
-    def _between(self, boxes: dict[int, npt.NDArray[np.float64]], changes: Changes) -> Amendment:
+        def held(i: int) -> npt.NDArray[np.int64]:
+            own, box = seen[i]
+            is_drawn = i == index and own >= len(self.detections(index))
+            return self._stages.kept(i)[rows] if is_drawn else self._painted(i, own, box)
+
+        ways = [[i for i in seen if i >= index], [i for i in reversed(seen) if i < index]]
+        return self._way(ways, {i: box for i, (_, box) in seen.items()}, held, on_scan, True)
+
+    def _between(self, boxes: dict[int, npt.NDArray[np.float64]], on_scan: OnScan) -> Way:
         keys = np.array(list(boxes))
         corners = np.array(list(boxes.values()))
         corners[:, 6] = np.unwrap(corners[:, 6], period=np.pi)  # a box turned by half a turn is the same box
         stamps = self._stages.trajectory.stamps
-        parts = {}
-        for i in range(keys[0], keys[-1] + 1):
-            box = np.array([np.interp(stamps[i], stamps[keys], column) for column in corners.T])
-            found = self._stages.kept(i)[self._rows_in(i, box, may_be_empty=True)]
-            free = found[~self._moves_already(i, changes)[found]]
-            if len(free):
-                parts[self._stages.names[i]] = Part.of_box(free, box, self._stages.trajectory.T_level_sensor[i])
-        return _proposed(parts)
+        scans = range(keys[0], keys[-1] + 1)
+        between = {i: np.array([np.interp(stamps[i], stamps[keys], column) for column in corners.T]) for i in scans}
+
+        def held(i: int) -> npt.NDArray[np.int64]:
+            return self._stages.kept(i)[self._rows_in(i, between[i], may_be_empty=True)]
+
+        return self._way([list(scans)], between, held, on_scan, False)
+
+    def _way(
+        self,
+        ways: list[list[int]],
+        boxes: dict[int, npt.NDArray[np.float64]],
+        held: Callable[[int], npt.NDArray[np.int64]],
+        on_scan: OnScan,
+        may_end: bool,
+    ) -> Way:
+        def found(i: int) -> Found:
+            on_scan(len(boxes))
+            rows = held(i)
+            return rows, self._stages.owner_of_points(i)[rows]
+
+        return Way(ways, boxes, lru_cache(None)(found), may_end)
 
     def _painted(self, index: int, segment: int, box: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
         """Return the scan's rows that the run would have painted, had it found a moving track in this segment."""
@@ -177,14 +183,6 @@ class Proposer:
         painted = label_scans(stages.scans, TrackedObjects(track, judged), stages.settings, 1, [index])
         return np.flatnonzero(next(iter(painted))[1]["track"] == 0)
 
-    def _moves_already(self, index: int, changes: Changes) -> npt.NDArray[np.bool_]:
-        owner = self._stages.owner_of_points(index)
-        is_moving = decided_verdicts(self._stages.verdicts, changes.decided).verdict == Verdict.MOVING
-        moves = np.append(is_moving, False)[owner]  # owner -1 reads the last
-        for amendment, rows in parts_in(self._stages, index, changes):
-            moves[rows] = amendment.verdict == "moving"
-        return moves
-
     # --------------------------------------------------------------------------------------------------- of one scan
     def _frame(self, index: int) -> tuple[npt.NDArray, npt.NDArray[np.bool_]]:
         kind = self._stages.stage("candidates").load(self._stages.names[index], "kind")["kind"]
@@ -194,7 +192,7 @@ class Proposer:
         found = self._stages.stage("instances").load(self._stages.names[index], "ids", "stayed")
         return found["ids"], found["stayed"]
 
-    def _upright(self, index: int, box: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def _upright(self, index: int, box: tuple[float, ...]) -> npt.NDArray[np.float64]:
         """Return (7,): a box drawn on the ground (5,) as high as what stands in it."""
         points, is_object = self._frame(index)
         x, y, length, width, yaw = box
@@ -222,10 +220,6 @@ class Proposer:
         boxes = fit_boxes(points[rows], np.zeros(len(rows), np.int32), np.ones(1))
         n = np.array([float(len(rows))])
         return Detections.of_objects(boxes, n, n, np.zeros(1))
-
-
-def _proposed(parts: dict[str, Part]) -> Amendment:
-    return Amendment("", now(), "added", "moving", dict(sorted(parts.items())))
 
 
 def _inside(points: npt.NDArray, box: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:

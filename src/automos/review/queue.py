@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from automos.core.errors import InputError
 from automos.review.amendments import Amendment
 from automos.review.apply import Changes, amended_entry, replaced, scans_of
 from automos.review.log import append_lines, now, read_lines
@@ -23,7 +24,8 @@ class Queue:
         self._stages = stages
         self._stakes = weigh(stages)
         self._rows = [self._row_of_track(k) for k in range(len(stages.tracks))]
-        self.places = [dict(concern, place=n) for n, concern in enumerate(concerns) if "segment" in concern]
+        places = [concern for concern in concerns if "segment" in concern]
+        self.places = [dict(place, place=n) for n, place in enumerate(places)]
         self._gone: dict[int, set[int]] = {}
         self._replaced: dict[int, tuple[list[str], list[int]]] = {}
 
@@ -117,9 +119,15 @@ class Queue:
         return set(seen.tolist()) <= self._gone[track]
 
     # -------------------------------------------------------------------------------------------------------- places
+    def place(self, number: int) -> dict[str, Any]:
+        """Return the place with this number; InputError if there is none."""
+        if not 0 <= number < len(self.places):
+            raise InputError(f"there is no place {number}")
+        return self.places[number]
+
     def dismiss(self, number: int) -> None:
         """Log that nothing was missed at a place, by one of its points, which other runs have, too."""
-        place = self.places[number]
+        place = self.place(number)
         row = self._points_of(place)[0]
         append_lines(self._stages.folder, [{"kind": "dismissed", "at": now(), "scan": place["scan"], "row": row}])
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from automos.core.errors import InputError
 from automos.results.run_files import RunFiles
 from automos.review.amendments import Amendment, append_amendments, append_verdicts, new_keys
-from automos.review.apply import number_of, read_changes, scans_of
+from automos.review.apply import note_applied, number_of, read_changes, scans_of
 from automos.review.concerns import note_concerns
 from automos.review.decisions import CHOICES, Decision, append_decisions
 from automos.review.gain import Gain
@@ -16,20 +16,21 @@ from automos.review.log import now
 from automos.review.matching import cover_tracks
 from automos.review.queue import Queue
 from automos.review.run_stages import RunStages
+from automos.review.waiting import Waiting
 from automos.review.writer import Writer
 
 
 class Record:
     """The changes of one review, the queue that they are worked off from, and the thread that writes the results."""
 
-    def __init__(self, run: RunFiles, stages: RunStages):
+    def __init__(self, run: RunFiles, stages: RunStages, waiting: Waiting):
         """Read the earlier decisions; InputError if the log is damaged."""
         self._run, self._stages = run, stages
         self.changes, self.lost = read_changes(stages)
         self.queue = Queue(stages, note_concerns(stages, False))
         self.queue.note(self.changes)
-        self.gain = Gain(RunStages(run.folder, run.sequence))
-        self.writer = Writer(run, self.lost, lambda: self.changes, self.gain)
+        self.gain = Gain(RunStages(run.folder, run.sequence), waiting)
+        self.writer = Writer(run, self.lost, lambda: self.changes, self.gain, waiting)
         self._covering = RunStages(run.folder, run.sequence)  # of its own, so that deciding never waits for looking
         self._has_ended = False
         self._gate = threading.Lock()  # a decision is taken whole, or waits until another or finishing is through
@@ -72,8 +73,6 @@ class Record:
 
     def dismiss(self, number: int) -> None:
         """Log that nothing was missed at the place with this number; InputError if there is none."""
-        if not 0 <= number < len(self.queue.places):
-            raise InputError(f"there is no place {number}")
         with self._gated(f"place {number}"):
             self.queue.dismiss(number)
 
@@ -102,8 +101,9 @@ class Record:
         InputError
             Something could not be written. It is tried again when finishing next.
         """
-        with self._gate:
+        with self._gate:  # nothing is decided meanwhile: what is in the log is in the results
             self.writer.finish()
+            note_applied(self._run.folder)
 
     def end(self) -> None:
         """Refuse all decisions from now on; called before `finish`, so that late ones get an answer at once."""

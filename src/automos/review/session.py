@@ -11,8 +11,9 @@ from automos.core.errors import InputError
 from automos.core.workspace import Workspace
 from automos.results.run_files import RunFiles
 from automos.results.run_warnings import general_sentences
+from automos.review.ahead import GivenUpError, Proposals, What
 from automos.review.amendments import Amendment
-from automos.review.apply import Changes, reapply
+from automos.review.apply import Changes, is_applied, reapply
 from automos.review.log import now
 from automos.review.looking import open_sample
 from automos.review.pictures import Pictures
@@ -24,6 +25,10 @@ from automos.review.reshaping import as_amendment, cut, join, split
 from automos.review.run_stages import RunStages
 from automos.review.scenes import scene
 from automos.review.subjects import Subject, subject_of_amendment, subject_of_track
+from automos.review.waiting import Waiting
+
+AHEAD = 3
+"""Places made ahead: with those a person has for each the time that she looks at three others."""
 
 
 class Session:
@@ -46,13 +51,14 @@ class Session:
         """
         self.run = run
         self.stages = RunStages(run.folder, run.sequence)
-        reapply(run.folder, run.sequence, progress)
-        self.record = Record(run, self.stages)
-        self._pictures = Pictures(run, self.stages, self.queue)
-        self._proposer = Proposer(self.stages)
-        self._proposal: Amendment | None = None
+        if not is_applied(run.folder):
+            reapply(run.folder, run.sequence, progress)
+        self._waiting = Waiting()
+        self.record = Record(run, self.stages, self._waiting)
+        self._pictures = Pictures(run, self.stages, self.queue, self._waiting)
+        self.proposals = Proposals(self.stages, lambda: self.changes, self._waiting)
         self.looking = None if n_looks is None else open_sample(self.stages, self.changes, n_looks, progress)
-        self._reading = threading.Lock()
+        self._reshaping = threading.Lock()  # what two people cut is cut once
 
     @property
     def changes(self) -> Changes:
@@ -82,19 +88,18 @@ class Session:
         InputError
             There is no such object.
         """
-        with self._reading:
+        with self._waiting:
             return scene(self.stages, self._subject(track))
 
     def place(self, index: int) -> dict[str, Any]:
         """Return what the page draws of scan `index`, all around the sensor; InputError if there is none."""
         self._require_scan(index)
-        with self._reading:
+        with self._waiting:
             return place(self.stages, index, self.changes)
 
     def pictures_now(self) -> dict[str, Any]:
         """Return the pictures of the list that there are so far."""
-        with self._reading:
-            return self._pictures.to_page(self.changes.amendments)
+        return self._pictures.to_page(self.changes.amendments)
 
     def status(self) -> dict[str, Any]:
         """Return how many decisions hold, how many are to be written, what went wrong, and the IoU before and now."""
@@ -119,6 +124,7 @@ class Session:
         """Finish, and refuse whatever is decided from now on; errors as for `finish`."""
         self.record.end()
         self._pictures.stop()
+        self.proposals.stop()
         self.finish()
 
     # ------------------------------------------------------------------------------------------- what is made by hand
@@ -131,32 +137,37 @@ class Session:
     ) -> dict[str, Any]:
         """Return the scene of what is at a point of a scan, in drawn boxes, or at a place, followed through time.
 
-        It is kept until it is accepted or another is proposed.
+        It is kept until it is accepted or another is proposed. Nothing is returned once it is given up.
 
         Raises
         ------
         InputError
             Nothing is there.
         """
-        with self._reading:
-            if boxes:
-                for scan in boxes:
-                    self._require_scan(scan)
-                drawn = {scan: np.array(box, np.float64) for scan, box in boxes.items()}
-                self._proposal = self._proposer.in_boxes(drawn, self.changes)
-            elif number is not None and 0 <= number < len(self.queue.places):
-                where = self.queue.places[number]
-                self._proposal = self._proposer.from_segment(
-                    self.stages.index[where["scan"]], where["segment"], self.changes
-                )
-            elif index is not None and at is not None:
-                self._require_scan(index)
-                self._proposal = self._proposer.at(index, *at, self.changes)
-            else:
-                raise InputError("say where: a point of a scan, boxes, or a place")
-            shown = scene(self.stages, subject_of_amendment(self.stages, self._proposal, 0))
-            parts = self._proposal.parts
-            return {**shown, "n_scans": len(parts), "points_of_it": sum(len(part.rows) for part in parts.values())}
+        if boxes:
+            for scan in boxes:
+                self._require_scan(scan)
+            what: What = Proposer.in_boxes, tuple((scan, tuple(box)) for scan, box in sorted(boxes.items()))
+        elif number is not None:
+            what = self._what_at(number)
+        elif index is not None and at is not None:
+            self._require_scan(index)
+            what = Proposer.at, index, *at
+        else:
+            raise InputError("say where: a point of a scan, boxes, or a place")
+        try:
+            found, shown = self.proposals.get(what)
+        except GivenUpError:
+            return {}
+        return {**shown, "n_scans": len(found.parts), "points_of_it": sum(len(p.rows) for p in found.parts.values())}
+
+    def make_ahead(self, numbers: list[int]) -> None:
+        """Make what places will show, by their numbers, while nothing is waited for; InputError if there is none."""
+        self.proposals.make_ahead(map(self._what_at, numbers[:AHEAD]))
+
+    def _what_at(self, number: int) -> What:
+        place = self.queue.place(number)
+        return Proposer.from_segment, self.stages.index[place["scan"]], place["segment"]
 
     def accept(self, first: int, last: int, verdict: str = "moving") -> int:
         """Make the proposal an object, in scans `first` to `last`; return its id.
@@ -166,35 +177,36 @@ class Session:
         InputError
             Nothing is proposed, or nothing of it is left, or it cannot be logged.
         """
-        proposal = self._proposal
-        if proposal is None:
+        asked = self.proposals.asked
+        if asked is None:
             raise InputError("nothing is proposed: click on something first")
+        proposal, _ = self.proposals.get(asked)  # what was decided since is taken out
         parts = {name: part for name, part in proposal.parts.items() if first <= self.stages.index[name] <= last}
         if not parts:
             raise InputError("nothing of it is left: its end lies before its beginning")
         if verdict not in ("moving", "static", "unknown"):
             raise InputError(f"{verdict!r} is not a verdict: an object is moving, static or unknown")
         (made,) = self.record.make([replace(proposal, at=now(), verdict=verdict, parts=parts)])
-        self._proposal = None
+        self.proposals.cancel()
         return made
 
     def cut(self, track: int, index: int) -> list[int]:
         """Cut the object with id `track` before scan `index`; return the ids of the halves; InputError if it cannot."""
         self._require_scan(index)
-        with self._reading:
+        with self._reshaping:
             return self.record.make(cut(self.stages, self._whole(track), index), [track])
 
     def split(self, track: int, index: int, box: list[float]) -> list[int]:
         """Take what is in a box drawn in scan `index` out of an object; return two ids; InputError if it cannot."""
         self._require_scan(index)
-        with self._reading:
+        with self._reshaping:
             return self.record.make(split(self.stages, self._whole(track), index, np.array(box, np.float64)), [track])
 
     def join(self, tracks: list[int]) -> int:
         """Make one object of several; return its id; InputError if there are fewer than two."""
         if len(set(tracks)) < 2:
             raise InputError("two objects are needed to join them")
-        with self._reading:
+        with self._reshaping:
             (made,) = self.record.make([join(self.stages, [self._whole(track) for track in tracks])], tracks)
         return made
 

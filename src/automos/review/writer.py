@@ -13,6 +13,7 @@ from automos.review.decisions import Decision
 from automos.review.gain import Gain
 from automos.review.run_stages import RunStages
 from automos.review.sample import note_quality
+from automos.review.waiting import Waiting
 from automos.views.report import write_report
 
 _log = logging.getLogger(__name__)
@@ -24,8 +25,16 @@ REST = 0.4
 class Writer:
     """Writes scans that a decision concerns, then tracks.json and run.json, again and again until nothing is left."""
 
-    def __init__(self, run: RunFiles, lost: list[Decision | Amendment], changes: Callable[[], Changes], gain: Gain):
+    def __init__(
+        self,
+        run: RunFiles,
+        lost: list[Decision | Amendment],
+        changes: Callable[[], Changes],
+        gain: Gain,
+        waiting: Waiting,
+    ):
         """Take the run, decisions that find no track, what gives all changes as they are now, what counts the gain."""
+        self._waiting = waiting
         self.problem: str | None = None
         self.is_finishing = False
         self._run, self._lost, self._changes, self._gain = run, lost, changes, gain
@@ -82,6 +91,7 @@ class Writer:
                 unwritten.update(scans or ())  # None: try again what failed before
             try:
                 while unwritten:
+                    self._waiting.give_way()
                     index = min(unwritten)
                     rewrite_scan(stages, index, self._changes())
                     unwritten.discard(index)

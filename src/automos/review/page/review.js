@@ -15,7 +15,7 @@
   });
   const history = makeHistory(byId("undo"));
   const now = { run: null, current: null, mode: "object", scan: 0 }; // the overview; what is open; what is shown; the scan in sight
-  const missed = makeMissed(now, { view, tell, loading: frame.loading, history, takeBack, undo, isMoving: (item) => item && list.verdictOf(item) === "moving", doing, watch, refresh, setMode, setSlider, play, open, openAfter, drawProgress, fact, forgetScenes: () => scenes.clear() });
+  const missed = makeMissed(now, { view, tell, loading: frame.loading, history, takeBack, undo, isMoving: (item) => item && list.verdictOf(item) === "moving", doing, watch, refresh, setMode, setSlider, play, open, openAfter, drawProgress, fact, forgetScenes: () => scenes.clear(), sent: () => outbox.send().catch(() => {}) });
   let joining = null;
   let unsaved = ""; // what is told, whatever else there is to tell, while decisions could not be saved
 
@@ -77,7 +77,11 @@
     view.clear(); // of the object before
     outliner.set(false);
     list.choose(item);
-    if (!isObject(item)) return missed.propose({ place: item.place }, item);
+    if (!isObject(item)) {
+      await missed.propose({ place: item.place }, item);
+      return fetchAhead(item);
+    }
+    missed.giveUp();
     drawFacts();
     frame.loading(`loading object ${item.id}, its points in ${Math.min(item.seen, 28)} scans …`);
     try {
@@ -88,13 +92,21 @@
       view.fill(loaded, list.verdictOf(item));
       play(true);
       document.body.dataset.shown = item.id;
-      const next = list.next(item, 1);
-      if (next && isObject(next)) load(next);
+      fetchAhead(item);
     } catch (error) {
       tell(error.message, true);
     } finally {
       if (now.current === item) frame.loading("");
     }
+  }
+
+  /* Have what comes next made while this is looked at. */
+  function fetchAhead(item) {
+    if (now.current !== item) return;
+    const [next] = list.after(item);
+    if (next && isObject(next)) load(next);
+    const places = list.after(item).filter((one) => !isObject(one) && !one.decided).slice(0, 3).map((one) => one.place);
+    ask("api/ahead", { places }).catch(() => {}); // what is not made ahead is made when it is asked for
   }
 
   function setSlider(last, value = 0) {
@@ -328,7 +340,10 @@
     },
     ...missed.keys,
   };
-  frame.onKeys((key) => (now.run && !document.body.classList.contains("busy") ? keys[now.mode][key] || always[key] : null));
+  frame.onKeys((key) => {
+    if (document.body.classList.contains("busy")) return key === "Escape" ? missed.giveUp : null;
+    return now.run && (keys[now.mode][key] || always[key]);
+  });
   window.addEventListener("beforeunload", (event) => { if (outbox.length) event.preventDefault(); });
 
   ask("api/overview").then((overview) => {

@@ -87,6 +87,7 @@ function makeList({ onOpen, isOnItsWay }) {
       reveal();
     },
     draw,
+    after: (item) => shown.slice(shown.indexOf(item) + 1),
     next: (item, by) => shown[shown.indexOf(item) + by],
     showPictures(found) { pictures = found; drawRows(); },
   };

@@ -10,6 +10,7 @@ function makeMissed(now, page) {
   const place = makePlace(byId("place"), { onPick: pick, onBox: boxDrawn, onHint: hint, chosen: () => now.current?.id ?? null });
   let proposal = null, boxes = []; // what is proposed; boxes drawn for it
   let isAtOnce = false; // whether a click adds without asking
+  let pending = null, givenUp = null; // what is being followed; that the server knows of what no longer is
 
   async function goToScan(index, at = null) {
     now.scan = Math.min(Math.max(index, 0), now.run.scans.length - 1);
@@ -51,7 +52,9 @@ function makeMissed(now, page) {
   function addAtOnce(what) {
     const from_scan = now.scan;
     return doing("following it through time …", async () => {
-      const indices = (await ask("api/propose", what)).moments.map((one) => one.index);
+      const found = await follow(what);
+      if (!found) return;
+      const indices = found.moments.map((one) => one.index);
       const { id } = await ask("api/accept", { first: indices[0], last: indices.at(-1) });
       await showAdded(id, `object ${id} added, from scan ${now.run.scans[indices[0]]} to ${now.run.scans[indices.at(-1)]} ✓`);
       goToScan(from_scan);
@@ -78,11 +81,40 @@ function makeMissed(now, page) {
     propose({ boxes });
   }
 
+  /* Return what is proposed, null once it is given up; meanwhile tell how far it is. */
+  async function follow(what) {
+    pending = what;
+    await Promise.all([page.sent(), givenUp]); // what was decided before holds for what is proposed
+    if (pending !== what) return null;
+    const look = async () => {
+      const { scans, of } = await ask("api/following").catch(() => ({}));
+      if (pending !== what) return;
+      tell(of ? `following it through time: scan ${scans} of ${of} …` : "following it through time …", false, "Esc gives it up");
+      setTimeout(look, 400);
+    };
+    const looking = setTimeout(look, 600);
+    try {
+      const found = await ask("api/propose", what);
+      return found.moments ? found : null;
+    } finally {
+      clearTimeout(looking);
+      if (pending === what) pending = null;
+    }
+  }
+
+  function giveUp() {
+    if (!pending) return;
+    pending = null;
+    givenUp = ask("api/cancel", {}).catch(() => {});
+    tell("given up");
+  }
+
   function propose(what, from = null) {
     return doing("following it through time …", async () => {
       const from_scan = now.scan;
-      const found = view.unpack(await ask("api/propose", what));
-      if (from && now.current !== from) return;
+      const packed = await follow(what);
+      if (!packed || (from && now.current !== from)) return;
+      const found = view.unpack(packed);
       const indices = found.moments.map((one) => one.index);
       proposal = { from, from_scan, first: indices[0], last: indices.at(-1), points: found.points_of_it, n: found.n_scans };
       setMode("proposal");
@@ -134,7 +166,7 @@ function makeMissed(now, page) {
   const anotherBox = () => { if (now.mode === "proposal") goToScan(proposal.from_scan).then(() => place.drawBox(true)); else place.drawBox(!place.isDrawing); };
 
   return {
-    goToScan, propose,
+    goToScan, propose, giveUp,
     clicks: {
       add: addHere, accept, discard, back: discard, begins: () => limit("first"), ends: () => limit("last"),
       box: anotherBox, "box-too": anotherBox, "at-once": () => setAtOnce(!isAtOnce),

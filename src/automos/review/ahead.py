@@ -1,0 +1,167 @@
+"""Proposals are made once, those that come next ahead of time, and none is older than the last decision."""
+
+import logging
+import threading
+from collections.abc import Callable, Iterable
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from automos.core.errors import AutomosError, InputError
+from automos.review.amendments import Amendment
+from automos.review.apply import Changes
+from automos.review.proposals import Proposer
+from automos.review.run_stages import RunStages
+from automos.review.scenes import scene
+from automos.review.subjects import subject_of_amendment
+from automos.review.waiting import Waiting
+from automos.review.ways import OnScan, Way, proposed
+
+_log = logging.getLogger(__name__)
+
+What = tuple[Any, ...]
+"""What a person points at: a method of `Proposer` and its arguments."""
+KEPT = 8
+"""Proposals kept, a megabyte or two each: those made ahead, and some to come back to."""
+GLANCE = 0.1
+"""Seconds between looks whether somebody still waits for what another thread makes."""
+
+
+class GivenUpError(InputError):
+    """Nobody waits for a proposal any more."""
+
+    def __init__(self) -> None:
+        super().__init__("it is no longer followed: it was given up, or something else was asked for")
+
+
+class _Proposal:
+    """What is found of one thing so far; whoever holds its lock goes on with it."""
+
+    def __init__(self, stages: RunStages, find: Callable[[OnScan], Way]):
+        self.lock = threading.Lock()
+        self.sought, self.total = 0, 0
+        self._stages, self._find = stages, find
+        self._way: Way | None = None
+        self._shown: tuple[Amendment, dict[str, Any]] | None = None
+        self._may_go_on: Callable[[], bool] = lambda: True
+
+    def _on_scan(self, total: int) -> None:
+        if not self._may_go_on():
+            raise GivenUpError
+        self.sought, self.total = self.sought + (total > 0), total
+
+    def made(self, changes: Callable[[], Changes], may_go_on: Callable[[], bool]) -> tuple[Amendment, dict[str, Any]]:
+        """Return the object and its scene, after the changes as they are when it is returned."""
+        self._may_go_on = may_go_on
+        if self._way is None:
+            self._way = self._find(self._on_scan)
+        after = None
+        while after is not (after := changes()):
+            found = proposed(self._stages, self._way, after)
+            if self._shown is None or not _is_same(found, self._shown[0]):
+                self._shown = found, scene(self._stages, subject_of_amendment(self._stages, found, 0))
+        assert self._shown is not None
+        return self._shown
+
+
+def _is_same(one: Amendment, other: Amendment) -> bool:
+    """Return whether two proposals of one way have the same points."""
+    if one.parts.keys() != other.parts.keys():
+        return False
+    return all(np.array_equal(part.rows, other.parts[name].rows) for name, part in one.parts.items())
+
+
+class Proposals:
+    """The proposals of one review: at most one is waited for, and while none is, others are made ahead."""
+
+    def __init__(self, stages: RunStages, changes: Callable[[], Changes], waiting: Waiting):
+        """Take the run's stages, what gives all changes as they are now, and what tells that somebody waits."""
+        self._stages, self._changes, self._waiting = stages, changes, waiting
+        self._proposer = Proposer(stages)
+        self._kept: dict[What, _Proposal] = {}
+        self._ahead: list[What] = []
+        self.asked: What | None = None
+        """What was asked for last, unless it was cancelled."""
+        self._turn, self._is_stopped = 0, False
+        self._news = threading.Condition()
+        threading.Thread(target=self._work, daemon=True).start()
+
+    def get(self, what: What) -> tuple[Amendment, dict[str, Any]]:
+        """Return what is there as an object, and its scene; whatever was asked for before is given up.
+
+        Raises
+        ------
+        InputError
+            Nothing is there.
+        GivenUpError
+            Something else was asked for meanwhile, or it was cancelled.
+        """
+        with self._news:
+            if what != self.asked:
+                self.asked, self._turn = what, self._turn + 1
+            turn, one = self._turn, self._proposal(what)
+        with self._waiting:
+            while not one.lock.acquire(timeout=GLANCE):
+                if self._turn != turn:
+                    raise GivenUpError
+            try:
+                return one.made(self._changes, lambda: self._turn == turn)
+            finally:
+                one.lock.release()
+
+    def make_ahead(self, wanted: Iterable[What]) -> None:
+        """Make these while nothing is waited for, and no others."""
+        with self._news:
+            self._ahead = list(wanted)
+            self._news.notify_all()
+
+    def cancel(self) -> None:
+        """Give up what is waited for, and forget what was proposed last."""
+        with self._news:
+            self.asked, self._turn = None, self._turn + 1
+
+    def stop(self) -> None:
+        """Make no more."""
+        self._is_stopped = True
+        self.cancel()
+        self.make_ahead([])
+
+    def progress(self) -> dict[str, int]:
+        """Return how many scans of what is waited for were gone through, and of how many, 0 if that is not known."""
+        one = self._kept.get(self.asked or ())
+        return {"scans": one.sought if one else 0, "of": one.total if one else 0}
+
+    def _proposal(self, what: What) -> _Proposal:
+        def find(on_scan: OnScan) -> Way:
+            method, *where = what
+            way: Way = method(self._proposer, *where, on_scan)
+            return way
+
+        one = self._kept.pop(what, None) or _Proposal(self._stages, find)
+        self._kept[what] = one
+        if len(self._kept) > KEPT:
+            del self._kept[next(iter(self._kept))]
+        return one
+
+    def _work(self) -> None:
+        while True:
+            with self._news:
+                self._news.wait_for(lambda: self._is_stopped or self._ahead)
+                if self._is_stopped:
+                    return
+                what = self._ahead[0]
+                one = self._proposal(what)
+            try:
+                with one.lock:
+                    one.made(self._changes, partial(self._is_wanted, what))
+            except GivenUpError:
+                continue
+            except Exception as error:  # whoever asks for it hears of it
+                _log.debug("%s cannot be made ahead", what, exc_info=not isinstance(error, AutomosError))
+            with self._news:
+                self._ahead = [other for other in self._ahead if other != what]
+
+    def _is_wanted(self, what: What) -> bool:
+        self._waiting.give_way(unless=lambda: self.asked == what or what not in self._ahead)
+        return self.asked == what or what in self._ahead
