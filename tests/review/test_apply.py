@@ -16,7 +16,8 @@ from automos.readers import open_sequence
 from automos.results.open_run import open_run
 from automos.results.run_files import RunFiles
 from automos.review import apply
-from automos.review.apply import Changes, decided_labels, reapply, rewrite_scan
+from automos.review.apply import reapply, rewrite_scan
+from automos.review.changes import Changes, decided_labels
 from automos.review.decisions import Cover, Decision, append_decisions, read_decisions
 from automos.review.log import key_of_changes
 from automos.review.matching import cover_tracks, match

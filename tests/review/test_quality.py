@@ -16,7 +16,7 @@ from automos.readers import open_sequence
 from automos.results.open_run import open_run
 from automos.review import sample as sample_module
 from automos.review import scenes
-from automos.review.apply import Changes
+from automos.review.changes import Changes
 from automos.review.looking import Looking
 from automos.review.quality import Estimate, ratio, recall, share, total_of_moments
 from automos.review.run_stages import RunStages

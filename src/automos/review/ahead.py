@@ -10,7 +10,7 @@ import numpy as np
 
 from automos.core.errors import AutomosError, InputError
 from automos.review.amendments import Amendment
-from automos.review.apply import Changes
+from automos.review.changes import Changes
 from automos.review.proposals import Proposer
 from automos.review.run_stages import RunStages
 from automos.review.scenes import scene

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
-from automos.review.apply import Changes
+from automos.review.changes import Changes
 from automos.review.places import place
 from automos.review.proposals import Proposer
 from automos.review.run_stages import RunStages

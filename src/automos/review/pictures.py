@@ -9,7 +9,8 @@ from automos.core.errors import AutomosError
 from automos.core.geometry import transform
 from automos.results.run_files import RunFiles
 from automos.review.amendments import Amendment
-from automos.review.apply import Changes, amended_entry, number_of
+from automos.review.apply import amended_entry
+from automos.review.changes import Changes, number_of
 from automos.review.queue import Queue
 from automos.review.run_stages import RunStages
 from automos.review.waiting import Waiting

@@ -6,7 +6,7 @@ import numpy as np
 
 from automos.core.labels import Label
 from automos.core.scan import GROUND
-from automos.review.apply import Changes, changed_labels, number_of, parts_in, replaced
+from automos.review.changes import Changes, changed_labels, number_of, parts_in, replaced
 from automos.review.run_stages import RunStages
 from automos.review.scenes import AROUND, AROUND_GROUND, OTHER_MOVING, OWN, pack_moments, thin
 

@@ -7,7 +7,8 @@ import numpy as np
 
 from automos.core.errors import InputError
 from automos.review.amendments import Amendment
-from automos.review.apply import Changes, amended_entry, replaced, scans_of
+from automos.review.apply import amended_entry
+from automos.review.changes import Changes, replaced, scans_of
 from automos.review.log import append_lines, now, read_lines
 from automos.review.run_stages import RunStages
 from automos.review.stake import most_telling, weigh

@@ -8,7 +8,8 @@ from dataclasses import replace
 from automos.core.errors import InputError
 from automos.results.run_files import RunFiles
 from automos.review.amendments import Amendment, append_amendments, append_verdicts, new_keys
-from automos.review.apply import note_applied, number_of, read_changes, scans_of
+from automos.review.apply import note_applied, read_changes
+from automos.review.changes import number_of, scans_of
 from automos.review.concerns import note_concerns
 from automos.review.decisions import CHOICES, Decision, append_decisions
 from automos.review.gain import Gain

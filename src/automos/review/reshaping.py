@@ -10,7 +10,7 @@ from automos.core.errors import InputError
 from automos.core.upright_boxes import Boxes, points_in_boxes
 from automos.objects.boxes import fit_boxes
 from automos.review.amendments import Amendment, Part
-from automos.review.apply import Changes, changed_labels, number_of
+from automos.review.changes import Changes, changed_labels, number_of
 from automos.review.log import now
 from automos.review.run_stages import RunStages
 

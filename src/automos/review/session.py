@@ -13,7 +13,8 @@ from automos.results.run_files import RunFiles
 from automos.results.run_warnings import general_sentences
 from automos.review.ahead import GivenUpError, Proposals, What
 from automos.review.amendments import Amendment
-from automos.review.apply import Changes, is_applied, reapply
+from automos.review.apply import is_applied, reapply
+from automos.review.changes import Changes
 from automos.review.log import now
 from automos.review.looking import open_sample
 from automos.review.pictures import Pictures

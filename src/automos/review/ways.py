@@ -13,7 +13,7 @@ import numpy.typing as npt
 from automos.core.errors import InputError
 from automos.objects.verdict import Verdict
 from automos.review.amendments import Amendment, Part
-from automos.review.apply import Changes, decided_verdicts
+from automos.review.changes import Changes, decided_verdicts
 from automos.review.log import now
 from automos.review.run_stages import RunStages
 

@@ -8,7 +8,8 @@ from queue import Empty, Queue
 from automos.core.errors import AutomosError, InputError
 from automos.results.run_files import RunFiles
 from automos.review.amendments import Amendment
-from automos.review.apply import Changes, rewrite_run, rewrite_scan
+from automos.review.apply import rewrite_run, rewrite_scan
+from automos.review.changes import Changes
 from automos.review.decisions import Decision
 from automos.review.gain import Gain
 from automos.review.run_stages import RunStages
