@@ -39,6 +39,7 @@ Array = npt.NDArray[np.float64]
 BEGIN, END = 0.003, 0.02  # changes of state per second
 UNSTEADY = -0.8  # log-odds of moving per look, per unit of the heights' unsteadiness
 DISPLACED, LEFT = 0.9, -2.3  # log-odds of a way: per factor e of it over its standard deviation, and of none
+SO_FAR = 2.2  # greatest log-odds of a way so far, as scenery slides while other parts of it come into sight
 JUMPS = 0.01  # share of looks in which a body's box says the opposite: it is cut or joined with another
 CHANGE = 0.1  # per second, rates at which movers set off and come to rest
 
@@ -85,8 +86,8 @@ def judge_tracks(tracks: Tracks, segments: Segments, stamps: Array, past: Past |
     first, times, ratio, scatter, displaced = _weighted(tracks, segments, stamps, known)
     _, p_ever = state_probabilities(first, times, ratio, *known.before(first, times), BEGIN, END)
     way = DISPLACED * displaced + LEFT
-    # What has not gone far may still go; what has gone far has.
-    p_ever = expit(logit(p_ever) + (way if past is None else np.maximum(way, 0.0)))
+    # What has not gone far may still go.
+    p_ever = expit(logit(p_ever) + (way if past is None else np.clip(way, 0.0, SO_FAR)))
     p_ever[(np.diff(first) < 2) & np.isinf(known.stamp)] = 0.0
     is_moving = p_ever >= 0.5
     verdict = np.where(is_moving, Verdict.MOVING, Verdict.STATIC).astype(np.int8)
