@@ -5,7 +5,7 @@ import pytest
 
 from automos.core.upright_boxes import Boxes
 from automos.objects.detections import Detections
-from automos.objects.judge import Past, is_scenery, judge_tracks, moving_now
+from automos.objects.judge import SO_FAR, Past, is_scenery, judge_tracks, moving_now
 from automos.objects.terms import Segments, segment_terms
 from automos.objects.tracks import Tracks
 from automos.objects.verdict import Verdict, Verdicts
@@ -139,17 +139,18 @@ def test_what_has_stayed_in_every_scan_is_scenery():
     assert is_scenery(both, np.array([True, False]), segments).tolist() == [False, False]
 
 
-@pytest.mark.parametrize("speed", [0.0, 0.02, 5.0])
-def test_while_more_scans_come_a_way_speaks_for_motion_and_none_says_nothing(speed):
-    seen = {"center": speed / 5.0 * STRAIGHT, "moved": 0.15, "stayed": 0.15}
-    tracks, found = one_track(**seen)
-    verdicts = judge_tracks(tracks, all_of(found), STAMPS, Past.nothing(1))
-    so_far = verdicts.confidence[0] if verdicts.is_moving[0] else 1.0 - verdicts.confidence[0]
-    if speed < 1.0:
-        assert so_far > confidence_on(**seen)  # what has not gone yet may still go
-    else:
-        assert so_far == pytest.approx(confidence_on(**seen))
-        assert so_far > 0.5
+def test_while_more_scans_come_a_way_speaks_for_motion_and_none_says_nothing():
+    def so_far(**track):
+        tracks, found = one_track(**track, moved=0.1, stayed=0.2)
+        verdicts = judge_tracks(tracks, all_of(found), STAMPS, Past.nothing(1))
+        return verdicts.confidence[0] if verdicts.is_moving[0] else 1.0 - verdicts.confidence[0]
+
+    stands, creeps, drives = (so_far(center=speed * STRAIGHT) for speed in (0.0, 0.004, 1.0))
+    assert stands == creeps  # what has not gone yet may still go
+    assert stands > confidence_on(center=0.0 * STRAIGHT, moved=0.1, stayed=0.2)
+    odds = drives / (1.0 - drives) * (1.0 - stands) / stands
+    assert odds == pytest.approx(np.exp(SO_FAR))
+    assert drives < confidence_on(center=STRAIGHT, moved=0.1, stayed=0.2)
 
 
 def test_no_tracks_have_no_verdicts():
