@@ -120,13 +120,13 @@ def shown(benchmark: str, result: Result) -> Iterator[tuple[str, Lines]]:
 
 
 def states_of(rows: list[Row]) -> str:
-    """Return commits and days of rows; where they differ, which methods are of each."""
+    """Return commits and days of rows; of two, which methods are of each."""
     states: dict[str, list[str]] = {}
     for row in rows:
         of = states.setdefault(f"{row['head']['commit']}, {row['head']['date']}", [])
         if row.get("method") and f"`{row['method']}`" not in of:
             of.append(f"`{row['method']}`")
-    has_methods = len(states) > 1 and all(states.values())
+    has_methods = len(states) == 2 and all(states.values())
     return "; ".join(f"{state}: {', '.join(of)}" if has_methods else state for state, of in states.items())
 
 
