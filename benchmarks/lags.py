@@ -1,8 +1,9 @@
 """The method as scans come, at any lag: quality of every scan, of the first ones, and how soon departures are seen.
 
-Truth at a lag is what moves now (labels_now/) where a recording has it, else what moves at some time. A *departure* is
-a mover that stood in plain view for a second; what counts are the metres along its path, of the boxes beside the scans,
-from the first scan in which it moves to the first in which half of its points are called moving.
+Truth at a lag is what moves now (labels_now/) where a recording has it; else, and of whole recordings, what moves at
+some time. A *departure* is a mover that stood in plain view for a second; what counts are the metres along its path, of
+the boxes beside the scans, from the first scan in which it moves to the first in which half of its points are called
+moving.
 """
 
 import json
@@ -39,7 +40,8 @@ def score(recording: str, store: Path, lag: float | str) -> dict[str, Any]:
     with opened(recording, store) as made:
         sequence = made.sequence
         labeler = Labeler(lag=float("inf" if lag == "all" else lag), is_compensated=sequence.is_compensated)
-        whole, start, seen, cpu = Counts(), Counts(), _Seen(sequence), time.process_time()
+        whole, start, cpu = Counts(), Counts(), time.process_time()
+        seen = _Seen(sequence, is_whole=lag == "all")
         for scan in stamped(sequence):
             for done in labeler.push(scan):
                 whole, start = seen.counted(done, whole, start)
@@ -53,19 +55,19 @@ def score(recording: str, store: Path, lag: float | str) -> dict[str, Any]:
 class _Seen:
     """What was called moving of each object, scan by scan."""
 
-    def __init__(self, sequence: Sequence):
-        self._sequence, self._folder = sequence, getattr(sequence, "source", Path())
+    def __init__(self, sequence: Sequence, is_whole: bool):
+        self._sequence, self._folder, self._is_whole = sequence, getattr(sequence, "source", Path()), is_whole
         self._of: dict[int, list[tuple[float, int, bool, float, npt.NDArray[np.float64]]]] = defaultdict(list)
 
     def counted(self, done: LabelledScan, whole: Counts, start: Counts) -> tuple[Counts, Counts]:
         """Return the counts with those of the next scan, the second for the start alone."""
-        truth, now = self._sequence.truth(done.index), self._folder / "labels_now"
-        if now.is_dir():
-            truth = np.fromfile(now / f"{self._sequence.names[done.index]}.label", np.uint32)
+        truth, folder = self._sequence.truth(done.index), self._folder / "labels_now"
         if truth is None:
             return whole, start
-        self._add(done, truth)
-        found = count(done.labels, truth)
+        name = f"{self._sequence.names[done.index]}.label"
+        now = np.fromfile(folder / name, np.uint32) if folder.is_dir() else truth
+        self._add(done, now)
+        found = count(done.labels, truth if self._is_whole else now)
         return whole + found, start + found if done.index < FIRST else start
 
     def _add(self, done: LabelledScan, truth: npt.NDArray[np.uint32]) -> None:

@@ -119,10 +119,13 @@ def test_points_that_are_none_are_unlabelled_and_all_others_keep_their_places():
         assert given.confidence[[3, 7]].tolist() == [0.0, 0.0]
 
 
-def test_moving_now_leaves_out_what_waits():
-    settings = automos.load_settings("default", None, {"labels.moving": "now"})
-    for now, ever in zip(run(SCANS[:14], settings=settings), run(SCANS[:14]), strict=True):
-        assert ((now.labels == Label.MOVING) <= (ever.labels == Label.MOVING)).all()
+def test_at_a_lag_moving_is_what_moves_now_unless_another_meaning_is_asked_for():
+    asked = {name: automos.load_settings("default", None, {"labels.moving": name}) for name in ("now", "sequence")}
+    by_default = run(SCANS[:14])
+    for given, now in zip(by_default, run(SCANS[:14], settings=asked["now"]), strict=True):
+        np.testing.assert_array_equal(given.labels, now.labels)
+    for given, ever in zip(by_default, run(SCANS[:14], settings=asked["sequence"]), strict=True):
+        assert ((given.labels == Label.MOVING) <= (ever.labels == Label.MOVING)).all()
 
 
 def test_arrays_and_stamps_are_scans_too():

@@ -10,6 +10,7 @@ from automos.core.upright_boxes import Boxes
 from automos.objects.detections import Detections
 from automos.objects.terms import (
     BODY,
+    CHANCE,
     LEAST_SOLID,
     MOVED,
     PIECE,
@@ -54,6 +55,14 @@ def test_no_scan_says_more_than_the_odds_of_its_being_wrong(counts):
 def test_unknown_points_count_only_where_others_were_asked():
     assert said((100, 0, 0), is_asked=False) == 0.0
     assert said((100, 0, 0)) != pytest.approx(BODY)
+
+
+def test_while_most_is_unknown_a_few_points_say_nothing():
+    share = int(CHANCE * 1000)
+    assert said((1000, share, 0), is_asked=False) == said((1000, 0, share), is_asked=False) == 0.0
+    more = said((1000, share + 90, share), is_asked=False)
+    assert more == pytest.approx(said((90, 90, 0), is_asked=False), abs=0.2)  # of 90 points one is chance, too
+    assert said((1000, share, 0)) < said((100, 100, 0))
 
 
 def test_what_lets_through_the_rays_that_meet_it_and_pieces_are_seldom_bodies():

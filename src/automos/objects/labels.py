@@ -109,7 +109,7 @@ def _label_scraps(
     track: npt.NDArray[np.int32],
     found: Mapping[str, npt.NDArray],
     scraps: Tracks,
-    moving: str,
+    moving: str | None,
 ) -> None:
     """Label the points (M,) of moving scraps that no body has, in place."""
     if moving == "now":

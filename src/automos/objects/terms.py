@@ -28,6 +28,7 @@ MOVED, STAYED = (1.02, 0.49, 0.455), (0.18, 0.98, 0.455)
 """Dirichlet distributions of the shares of moved, stayed and unknown points in a scan: of a mover in motion, and of a
 static object."""
 WRONG = 0.001  # share of looks in which the evidence is that of the other state
+CHANCE = 0.01  # share of a segment's points that are moved, and stayed, by mistake
 BODY, PIECE, POROUS = 1.8, -3.2, -0.5  # log-odds of moving per look: of all, of pieces, and per unit of porosity
 LEAST_SOLID = 0.1  # lower limit of solidity relative to that of a solid face
 
@@ -94,9 +95,9 @@ def segment_terms(found: Detections, is_asked: bool = True) -> SegmentTerms:
     of_bodies = PIECE * (found.part_of >= 0) + POROUS * porosity / np.maximum(1.0 - porosity, LEAST_SOLID)
     x, y, z = found.boxes.center.T
     half = 0.5 * found.boxes.size[:, 2]
-    says = is_asked | (found.n_moving + found.n_static > 0.0)
     counts = np.stack([found.n_points, found.n_moving, found.n_static], axis=-1)
     asked = np.full(len(found), is_asked)
+    says = is_asked | (_known(counts, asked).sum(axis=-1) > 0.0)
     evidence = says * (BODY + of_bodies + _evidence(counts, asked))
     faces = np.stack([x, y, z - half, z + half], axis=-1)
     return SegmentTerms(faces, evidence, counts.astype(np.float32), asked, found.part_of, found.has_stayed)
@@ -133,10 +134,16 @@ def _evidence(counts: Array, is_asked: npt.NDArray[np.bool_]) -> Array:
 
     See `SegmentTerms`. Where others were not asked, unknown points say nothing.
     """
-    n, n_moving, n_static = counts.T
+    n, (n_moving, n_static) = counts[:, 0], _known(counts, is_asked).T
     parts = np.stack([n_moving, n_static, np.maximum(n - n_moving - n_static, 0.0)], axis=-1)
     of_all, of_known = (_log_dirichlet(some, MOVED) - _log_dirichlet(some, STAYED) for some in (parts, parts[:, :2]))
     return doubted(np.where(is_asked, of_all, of_known), WRONG)
+
+
+def _known(counts: Array, is_asked: npt.NDArray[np.bool_]) -> Array:
+    """Return (M, 2) the numbers of moved and of stayed points; what some say while most are unknown may be chance."""
+    by_chance = np.where(is_asked, 0.0, CHANCE * counts[:, 0])
+    return np.maximum(counts[:, 1:] - by_chance[:, None], 0.0)
 
 
 def _log_dirichlet(counts: Array, distribution: tuple[float, ...]) -> Array:

@@ -35,7 +35,8 @@ class Stream:
 
         has_stamps : whether scans come with their times; otherwise missing ones are counted.
         """
-        self._settings = settings
+        moving = settings.labels.moving or "now"  # what moves at any time, is not known before the end
+        self._settings = settings.model_copy(update={"labels": settings.labels.model_copy(update={"moving": moving})})
         self._segmenting = Segmenting(settings, lag, pool, is_compensated, has_stamps, T_world_first)
         self._following = Following(settings.tracking, lag, first_track)
 

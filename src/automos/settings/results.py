@@ -10,7 +10,11 @@ from automos.settings.group import Group
 class LabelsSettings(Group):
     """The meaning of the labels."""
 
-    moving: Literal["sequence", "now"] = Field("sequence", description="moved at any time, or moves in this scan")
+    moving: Literal["sequence", "now"] | None = Field(
+        None,
+        description="moves at any time of the recording, or in this scan; by default the first, and the second "
+        "while more scans come, as nobody knows yet what will move",
+    )
     unsure: float = Field(0.0, ge=0, le=1, description="confidence below which a point is unlabeled; more labels less")
 
 
