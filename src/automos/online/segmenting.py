@@ -27,7 +27,8 @@ from automos.online.sighting import Sighting, Sightings
 from automos.settings import Settings
 
 GROWN = 1.0
-"""Seconds after which the evidence of a scan is updated for the tracks, and complete, even if the lag is longer."""
+"""Seconds after which the evidence of a scan is complete, even if the lag is longer; it is updated for the tracks then,
+and halfway, when what creeps and what sets off slowly has left the place behind it."""
 AGAIN = 3
 """Scans whose evidence is updated with every new scan, after the sensor's path was replaced."""
 
@@ -77,6 +78,7 @@ class _Held:
     segments: Arrays | None = None
     n_compared: int = 0
     is_settled: bool = False
+    is_half_grown: bool = False
 
     def found(self, is_far: bool) -> Found:
         """Return its segments, with whether it was compared with scans a second or more away."""
@@ -155,9 +157,15 @@ class Segmenting:
                 held.seen = None if held.seen is None else held.seen.moved(change)
 
     def _update_grown(self, now: float | None) -> list[Future[Found]]:
-        """Update the evidence of earlier scans in the background."""
-        renewed = []
-        while self._growing and now is not None and self._growing[0].stamp <= now - GROWN:
+        """Update the evidence of earlier scans in the background: halfway, and when it is complete."""
+        renewed: list[Future[Found]] = []
+        if now is None:
+            return renewed
+        for held in self._growing:
+            if not held.is_half_grown and held.stamp <= now - 0.5 * GROWN:
+                held.is_half_grown = True
+                renewed += self._start_update(held, self._is_far(held))
+        while self._growing and self._growing[0].stamp <= now - GROWN:
             held = self._growing.popleft()
             renewed += self._start_update(held, True)
         return renewed
