@@ -225,5 +225,6 @@ class Segmenting:
         if held.segments is None:
             return []
         if self._settle < GROWN:
+            held.is_half_grown = self._settle >= 0.5 * GROWN  # it was computed anew just now
             self._growing.append(held)
         return [held.found(self._is_far(held))]
