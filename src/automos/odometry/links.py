@@ -71,14 +71,17 @@ Link = tuple[int, int]
 
 
 class _Fitted(NamedTuple):
-    kernel: float
     T: Pose  # (4, 4) T_center_scan
-    submap: Submap | None
-    surfels: Surfels | None
     fit: Fit
 
 
-_NO_FIT = _Fitted(0.0, np.eye(4), None, None, Fit(np.zeros((6, 6)), np.zeros(6), 0, 0, 0, 0.0))
+class _LinkFits(NamedTuple):
+    submap: Submap
+    surfels: Surfels
+    by_kernel: dict[float, _Fitted]
+
+
+_NO_FIT = _Fitted(np.eye(4), Fit(np.zeros((6, 6)), np.zeros(6), 0, 0, 0, 0.0))
 
 
 class Links:
@@ -93,7 +96,7 @@ class Links:
         self.work_in(pool)
         self._with_elevation = with_elevation
         self._submaps: dict[int, tuple[Pose, Submap]] = {}  # by middle scan: its parts' poses, and itself
-        self._fits: dict[Link, _Fitted] = {}
+        self._fits: dict[Link, _LinkFits] = {}
 
     def work_in(self, pool: ThreadPoolExecutor | None) -> None:
         """Share the work among threads from now on."""
@@ -133,31 +136,34 @@ class Links:
         T, each = window.T_world_sensor, self._each
         centers = sorted({center for _, center in links})
         submaps = dict(zip(centers, self._submaps_at(window, centers), strict=True))
+        of_links = [self._fits_of(link, submaps[link[1]], window.surfels[link[0] - window.first]) for link in links]
         ids = np.array(links, int).reshape(-1, 2) - window.first
         T_center_scan = inverse(T[ids[:, 1]]) @ T[ids[:, 0]]
-        made = [self._fits.get(link, _NO_FIT) for link in links]
+        made = [known.by_kernel.get(kernel, _NO_FIT) for known in of_links]
         T_then = np.array([known.T for known in made]).reshape(-1, 4, 4)
         is_other = is_moved(T_then, T_center_scan)
         change = small_motion(T_then, T_center_scan)
 
-        def is_known(k: int) -> bool:
-            known, (scan, center) = made[k], links[k]
-            is_same = known.submap is submaps[center] and known.surfels is window.surfels[scan - window.first]
-            return known.kernel == kernel and is_same and not is_other[k]
-
         def fit(k: int) -> _Fitted:
-            (scan, center), T = links[k], T_center_scan[k]
-            submap, surfels = submaps[center], window.surfels[scan - window.first]
+            (scan, center), (submap, surfels, _) = links[k], of_links[k]
             every = max(-(-len(surfels) // self.about.max_surfels), 1)  # a different subset for each link
             some = surfels[(scan + center) % every :: every]
-            found = fit_surfels(submap, some, T, kernel, self.about.noise, self._with_elevation)
-            return _Fitted(kernel, T, submap, surfels, found)
+            about = kernel, self.about.noise, self._with_elevation
+            return _Fitted(T_center_scan[k], fit_surfels(submap, some, T_center_scan[k], *about))
 
-        todo = [k for k in range(len(links)) if not is_known(k)]
-        fitted = dict(enumerate(made)) | dict(zip(todo, each(fit, todo), strict=True))
-        self._fits.update(zip(links, fitted.values(), strict=True))
-        kept = zip(fitted.values(), made, change, strict=True)
-        return [new.fit.moved(c) if new is old else new.fit for new, old, c in kept]
+        todo = [k for k in range(len(links)) if made[k] is _NO_FIT or is_other[k]]
+        fits = [known.fit.moved(c) for known, c in zip(made, change, strict=True)]
+        for k, found in zip(todo, each(fit, todo), strict=True):
+            of_links[k].by_kernel[kernel] = found
+            fits[k] = found.fit
+        return fits
+
+    def _fits_of(self, link: Link, submap: Submap, surfels: Surfels) -> _LinkFits:
+        """Return the fits of `surfels` to `submap`; none if the link has other ones now."""
+        known = self._fits.get(link)
+        if known is None or known.submap is not submap or known.surfels is not surfels:
+            known = self._fits[link] = _LinkFits(submap, surfels, {})
+        return known
 
     def _submaps_at(self, window: Window, centers: list[int]) -> list[Submap]:
         """Return the submaps about the scans `centers`, made anew where the poses of their parts have changed."""

@@ -13,15 +13,17 @@ from automos.odometry.submap import NOISE
 from automos.odometry.surfels import Surfels
 
 SAME_POSE = NOISE / 10.0
-"""Metres within which poses are the same, a tenth of a surfel's noise: iterations end, and what was computed stays."""
+"""Metres within which poses are the same, a tenth of a surfel's noise: iterations end."""
+SAME_SURFACE = NOISE / 3.0
+"""Metres by which scans move on surfaces that stay what they are: what was computed holds to first order."""
 NEAR = 15.0
 """Metres, distance of typical walls: weight of a rotation relative to a translation."""
 
 
 def is_moved(T: Pose, T_now: Pose) -> Mask:
-    """Return (...,) whether poses (..., 4, 4) differ by more than is worth computing again."""
+    """Return (...,) whether poses (..., 4, 4) differ by more than what was computed at one holds at the other."""
     turned = np.abs(T_now[..., :3, :3] - T[..., :3, :3]).max(axis=(-2, -1))
-    return np.linalg.norm(T_now[..., :3, 3] - T[..., :3, 3], axis=-1) + NEAR * turned > SAME_POSE
+    return np.linalg.norm(T_now[..., :3, 3] - T[..., :3, 3], axis=-1) + NEAR * turned > SAME_SURFACE
 
 
 def small_motion(T: Pose, T_now: Pose) -> Array:
