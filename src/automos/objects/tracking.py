@@ -69,9 +69,11 @@ class TrackedObjects:
     def from_arrays(arrays: Mapping[str, npt.NDArray]) -> TrackedObjects:
         """Return the objects saved by `to_arrays`."""
         places = Places.from_arrays(arrays) if "places" in arrays else None
-        more = [Tracks.of_segments(*(arrays[f"{name}_{c}"] for c in _OF_PARTS)) for name in ("parts", "scraps")]
+        parts, scraps = (
+            Tracks.of_segments(*(arrays[f"{name}_{c}"] for c in _OF_PARTS)) for name in ("parts", "scraps")
+        )
         tracks, verdicts = Tracks.from_arrays(arrays), Verdicts.from_arrays(arrays)
-        return TrackedObjects(tracks, verdicts, places, *more, arrays.get("counts"))
+        return TrackedObjects(tracks, verdicts, places, parts, scraps, arrays.get("counts"))
 
 
 def follow_and_judge(scans: Scans, settings: Settings, workers: int) -> TrackedObjects:
