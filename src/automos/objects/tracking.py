@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.geometry import Array
-from automos.core.parallel import map_in_order
+from automos.core.parallel import map_in_order, return_memory
 from automos.core.scan import OBJECT, Mask
 from automos.core.upright_boxes import Boxes
 from automos.objects.bodies import cut_where_two, joined, links_in_time
@@ -141,9 +141,11 @@ def _bodies(scans: Scans, tracks: Tracks, seen: list[SegmentTerms], workers: int
     """
     segments = each_for_itself(Segments.of_scans(seen), tracks)
     seen.clear()
+    return_memory()
     stamps, terms = scans.frames.stamps, segments.terms
     is_moving, evidence = _judged(tracks, segments, stamps).is_moving, of_rows(segments.of(tracks), terms.evidence)
     tracks = cut_where_two(tracks, is_moving, evidence, stamps)
+    return_memory()
     is_moving = _judged(tracks, segments, stamps).is_moving
     _make_whole(scans, tracks, tracks, is_moving, workers)
     evidence, n_points = (of_rows(segments.of(tracks), column) for column in (terms.evidence, terms.counts[:, 0]))
