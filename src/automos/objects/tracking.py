@@ -33,6 +33,8 @@ ENOUGH = 300.0
 path is known, and what is lost and found again in pieces is another thing each time."""
 SCRAP = 0.9
 """Probability from which on such a scrap moves: where poses slip for a moment, everything seems to."""
+_AT_ONCE = 100
+"""Scans after which what was freed goes back: what is kept of each would else lie scattered over all of it."""
 _OF_PARTS = ("track", "scan", "segment", "p_moving")
 
 
@@ -89,6 +91,8 @@ def follow_and_judge(scans: Scans, settings: Settings, workers: int) -> TrackedO
 
     def noted(found: Detections) -> Detections:
         seen.append(segment_terms(found))
+        if len(seen) % _AT_ONCE == 0:
+            return_memory()
         return found
 
     followed = zip(stamps, map(noted, detections), strict=True)
@@ -141,11 +145,9 @@ def _bodies(scans: Scans, tracks: Tracks, seen: list[SegmentTerms], workers: int
     """
     segments = each_for_itself(Segments.of_scans(seen), tracks)
     seen.clear()
-    return_memory()
     stamps, terms = scans.frames.stamps, segments.terms
     is_moving, evidence = _judged(tracks, segments, stamps).is_moving, of_rows(segments.of(tracks), terms.evidence)
     tracks = cut_where_two(tracks, is_moving, evidence, stamps)
-    return_memory()
     is_moving = _judged(tracks, segments, stamps).is_moving
     _make_whole(scans, tracks, tracks, is_moving, workers)
     evidence, n_points = (of_rows(segments.of(tracks), column) for column in (terms.evidence, terms.counts[:, 0]))
@@ -167,7 +169,9 @@ def _make_whole(scans: Scans, tracks: Tracks, parts: Tracks, is_moving: Mask, wo
     def shown(body: Tracks, _: Boxes) -> Intervals:
         return shown_intervals(body, scans, parts, workers)
 
+    return_memory()
     make_whole(tracks, is_moving, scans.frames.stamps, partial(_segments_of, scans), shown)
+    return_memory()
 
 
 def _segments_of(scans: Scans, tracks: Tracks) -> Boxes:
