@@ -55,6 +55,26 @@ def test_threads_share_one_heap_where_they_are_asked_to():
     assert heaps("share_heap()") == 1 < heaps("")
 
 
+GAPS = """
+import psutil
+from automos.core.parallel import return_memory
+kept = []
+for _ in range(2000):
+    block, small = bytearray(60_000), bytearray(3000)
+    kept += [block, small]
+del kept[::2], block
+before = psutil.Process().memory_info().rss
+return_memory()
+print((before - psutil.Process().memory_info().rss) >> 20)
+"""
+
+
+@pytest.mark.skipif(not (sys.platform == "linux" and hasattr(ctypes.CDLL(None), "malloc_trim")), reason="no glibc")
+def test_memory_between_what_is_kept_goes_back_to_the_system():
+    told = subprocess.run([sys.executable, "-c", GAPS], capture_output=True, text=True, check=True, timeout=60)
+    assert int(told.stdout) > 50  # MB, of 120
+
+
 def test_there_is_at_least_one_core():
     assert 1 <= available_cores() <= (os.cpu_count() or 1)
 

@@ -101,3 +101,13 @@ def test_a_stage_takes_time_only_when_it_is_made(workspace):
     again = make_run(workspace)
     again.each("labels", Maker())
     assert again.seconds["labels"] == 0.0
+
+
+def test_memory_goes_back_after_each_stage_that_is_made(workspace, monkeypatch):
+    calls = []
+    monkeypatch.setattr("automos.core.run.return_memory", lambda: calls.append(1))
+    for expected in (2, 2):  # what is there already is not made
+        run = make_run(workspace)
+        run.once("odometry", lambda tick: {"x": np.arange(3)})
+        run.each("labels", Maker())
+        assert len(calls) == expected

@@ -209,3 +209,16 @@ def test_a_real_drive_is_scored_from_files_as_from_arrays(recordings, tmp_path):
     assert min(td, fd, fs) > 0
     assert sum(scores.true_dynamic for scores in result.counts.scores_by_range.values()) == td
     assert result.movers.n_found.sum() == td
+
+
+@pytest.mark.parametrize(
+    ("lag", "moving", "is_said"),
+    [({"lag_seconds": 0.5}, "null", True), ({"lag_seconds": 0.5}, "sequence", False), ({}, "null", False),
+     ({}, "now", True), ({"lag_seconds": None}, "null", False), ({"lag_seconds": 0.5}, "{}", False)],
+)  # fmt: skip
+def test_labels_of_what_moves_now_are_told(drive, tmp_path, caplog, lag, moving, is_said):
+    folder = write_predictions(tmp_path / "out" / "predictions", TRUTH).parent
+    (folder / "run.json").write_text(json.dumps({"recording": {}, "points": {}, "versions": {}, **lag}))
+    (folder / "settings.yaml").write_text(f"labels:\n  moving: {moving}\n")
+    assert evaluate_recordings(folder, open_recordings(drive)).scores.iou == 1.0
+    assert ("the labels of 00 say what moves in each scan" in caplog.text) == is_said

@@ -106,7 +106,7 @@ def _load(root: Path, rng: random.Random, *more: object) -> None:
         if len(each) != len(points.labels):
             raise WrongError("more or fewer values than points")
     result.save(root / "saved")
-    if not gone:
+    if not gone and not any("log/" in one for one in LAST):  # of a scan that was whole the labels stay
         _require_whole(root / "saved", root / "log")
 
 

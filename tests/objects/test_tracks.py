@@ -53,3 +53,12 @@ def test_a_body_has_a_row_in_every_scan_from_its_first_to_its_last_one():
     assert whole.yaw.tolist() == [0, 1, 1, 1, 2, 3, 3, 4]
     assert without_gaps(whole) is whole
     assert len(without_gaps(table[:0])) == 0
+
+
+def test_more_tables_than_are_joined_at_a_time_are_sorted_as_a_few_are():
+    n, scans = 7, 250
+    column = np.random.default_rng(0).normal(size=(n * scans, 3))
+    whole = Tracks(*np.divmod(np.arange(n * scans), scans), np.arange(n * scans), column, column, column[:, 0], column)
+    found = Tracks.concatenate(whole[np.flatnonzero(whole.scan == scan)] for scan in range(scans))
+    for name, values in whole.to_arrays().items():
+        np.testing.assert_array_equal(getattr(found, name), values)

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from point_writers import write_pcd
 from scipy.spatial.transform import Rotation
+from scipy.stats import rankdata
 from sweeps import moved, points_of, pose, sweep
 
 from automos.core.errors import InputError
 from automos.core.pose_writers import write_kitti, write_tum
 from automos.readers import open_sequence
-from automos.readers.sensor_place import Spacing, find_frame
+from automos.readers.sensor_place import Spacing, find_frame, ranks
 
 N = 6
 DRIVE = [pose(4.0 * i, 2.5 * i, 0.2 * i) for i in range(N)]
@@ -198,3 +199,9 @@ def test_real_sweeps_are_in_the_frame_of_their_sensor_and_those_that_were_moved_
                 False,
                 recording_of(name),
             )
+
+
+def test_ranks_are_those_of_scipy():
+    values = np.random.default_rng(0).integers(0, 20, 60).astype(float)
+    np.testing.assert_array_equal(ranks(values), rankdata(values))
+    assert len(ranks(np.zeros(0))) == 0

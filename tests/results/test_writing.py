@@ -6,6 +6,7 @@ import os
 
 import numpy as np
 import pytest
+from forks import peak_memory
 
 from automos import __version__
 from automos.core.array_sequence import ArraySequence
@@ -21,6 +22,7 @@ from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.trajectory import Trajectory
 from automos.pipeline import Found
 from automos.results import point_files
+from automos.results.tracks_file import track_entries
 from automos.results.writing import write_results
 from automos.settings import load_settings
 
@@ -220,3 +222,21 @@ def test_progress_is_told_scan_by_scan(tmp_path):
 
 def test_every_label_is_counted():
     assert {label.name.lower() for label in Label} == {"unlabeled", "static", "moving"}
+
+
+def test_tracks_are_written_in_words_one_after_another():
+    n, life = 400, 50
+    k = np.arange(n * life)
+    column = np.random.default_rng(0).normal(size=(len(k), 3))
+    tracks = Tracks(k // life, k % life, 0 * k, column, np.abs(column), column[:, 0], column)
+    stamps, still = 0.1 * np.arange(life), np.tile(np.eye(4), (life, 1, 1))
+    trajectory = Trajectory(still, stamps, np.zeros((life, 6)), SweepTiming(), np.eye(4))
+    verdicts = Verdicts(np.full(n, Verdict.STATIC, np.int8), np.ones(n))
+    held = peak_memory(lambda: sum(len(one["boxes"]) for one in track_entries(tracks, verdicts, trajectory)))
+    assert held < 8 * 10 * len(k)  # less than the numbers themselves
+
+
+def test_tracks_that_are_wanted_are_those_of_all():
+    found = make_result()
+    every = list(track_entries(found.tracks, found.verdicts, found.trajectory))
+    assert list(track_entries(found.tracks, found.verdicts, found.trajectory, [1])) == every[1:]

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 import numpy.typing as npt
 
 from automos.core.blas import one_blas_thread
+from automos.core.parallel import return_memory
 from automos.core.workspace import Arrays, Stage, Workspace
 
 Progress = Callable[[str, int, int], None]
@@ -64,4 +65,5 @@ class Run:
         start = time.perf_counter()
         with one_blas_thread():
             yield
+        return_memory()
         self.seconds[name] = time.perf_counter() - start

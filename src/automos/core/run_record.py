@@ -40,6 +40,7 @@ class RunRecord(_Strict):
     points: dict[str, int] = {}
     tracks: dict[str, int] = {}
     seconds: dict[str, float] = {}
+    lag_seconds: float | None = None
     odometry: _Notes = _Notes()
     stages: dict[str, Annotated[str, Field(pattern=r"^\w+$")]] = {}  # used in folder names
     versions: dict[str, str] = {}

@@ -1,14 +1,17 @@
 """Label files on disk: where those of a recording are, whether they are complete, and each point's track."""
 
+import math
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.core.claims import RESULTS, held_by
-from automos.core.errors import InputError
+from automos.core.errors import AutomosError, InputError
 from automos.core.labels import Label, to_mos
 from automos.core.workspace import COMPLETE, RESULT_FILES, REVIEWED, RUN_FILE, UNFINISHED, Workspace
+from automos.settings import load_settings
 
 ONLY_OURS = {"stages", *RESULT_FILES} - {"poses.txt"}
 """What shows that a run of ours began in a folder; poses.txt is in every sequence of the benchmark, too."""
@@ -39,6 +42,22 @@ def _require_finished(folder: Path) -> None:
         raise InputError(f"{folder / RUN_FILE} is missing or damaged: run the same command again")
     if run.get(UNFINISHED):
         raise InputError(f"{folder} is without decisions of its review, as its run was cut off: repeat automos label")
+
+
+def says_what_moves_now(folder: Path) -> bool:
+    """Return whether the label files in `folder` are of a run that says what moves in each scan, not what ever moved.
+
+    What is labelled as scans come does so unless its settings say otherwise.
+    """
+    root = folder.parent if folder.name == "predictions" else folder
+    run, path = Workspace(root).read_run(), root / "settings.yaml"
+    if not run or not path.exists():
+        return False
+    with suppress(AutomosError):  # points are counted without settings, too
+        lag = run.get("lag_seconds")
+        usual = "sequence" if lag in (None, math.inf) else "now"
+        return (load_settings("default", path).labels.moving or usual) == "now"
+    return False
 
 
 class StoredStages:

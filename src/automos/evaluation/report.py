@@ -19,7 +19,7 @@ from automos.core.scan import Sequence
 from automos.evaluation.moving import Counts, Scores, count
 from automos.evaluation.objects import FOUND, OUTCOMES, Movers, movers_of, scores_of_objects
 from automos.evaluation.overlaps import NO_TRACK, Overlaps, count_overlaps, pooled
-from automos.evaluation.predictions import StoredStages, find_predictions
+from automos.evaluation.predictions import StoredStages, find_predictions, says_what_moves_now
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -150,6 +150,12 @@ def evaluate_recordings(
     if len(labelled) < len(recordings):
         logger.warning("left out, without truth: %s", _names(s for s in recordings if s not in labelled))
     folders = {s.name: find_predictions(Path(predictions), s.name, len(recordings) == 1) for s in labelled}
+    if of_now := [name for name, folder in folders.items() if says_what_moves_now(folder)]:
+        logger.warning(
+            "the labels of %s say what moves in each scan; to compare with a truth of what moved at any time, as "
+            "SemanticKITTI's, label with --set labels.moving=sequence",
+            ", ".join(of_now),
+        )
     return Report({s.name: evaluate_folder(folders[s.name], s, progress) for s in labelled})
 
 

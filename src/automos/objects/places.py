@@ -27,7 +27,7 @@ OUTNUMBERED = 2
 middle of a tram whose track has a gap "has stayed", too, until the tram has passed."""
 _COLUMN = 4 * SIDE  # metres, side of the columns in which places are counted: only those in a moving object's box
 _FARTHEST = 1 << (BITS - 1)
-_AT_ONCE = 1_000_000  # places that are collected before they are counted
+_AT_ONCE = 250_000  # places that are collected before they are counted
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +76,7 @@ def held_places(points: npt.NDArray, moves: Mask, stays: Mask, columns: Keys) ->
 
 def count_places(scans: Iterable[tuple[Keys, Mask]]) -> Keys:
     """Return the places, sorted, that moving points occupied in `scans`, and static points in many more of them."""
-    counted: list[tuple[Keys, npt.NDArray]] = [(np.zeros(0, np.int64), np.zeros((0, 2)))]
+    counted: list[tuple[Keys, npt.NDArray]] = [(np.zeros(0, np.int64), np.zeros((0, 2), np.int32))]
     for held in scans:
         counted.append(held)
         if sum(len(keys) for keys, _ in counted[1:]) > _AT_ONCE:
@@ -89,7 +89,7 @@ def _added(counted: list[tuple[Keys, npt.NDArray]]) -> tuple[Keys, npt.NDArray]:
     """Return all places, sorted, and the numbers of scans (P, 2) in which moving and static points occupied each."""
     keys, place = np.unique(np.concatenate([keys for keys, _ in counted]), return_inverse=True)
     counts = np.concatenate([counts for _, counts in counted])
-    return keys, np.stack([np.bincount(place, kind, len(keys)) for kind in counts.T], axis=1)
+    return keys, np.stack([np.bincount(place, kind, len(keys)).astype(np.int32) for kind in counts.T], axis=1)
 
 
 def _keys(points: npt.NDArray, side: float) -> Keys:

@@ -80,6 +80,12 @@ class Segments:
         """Return (R,) the number of the segment of each row of `tracks`, -1 where there is none."""
         return np.where(tracks.is_observed, self.begins[tracks.scan] + tracks.segment, -1)
 
+    def counts_of(self, tracks: Tracks) -> Array:
+        """Return (T, 2) how many points the segments of each track have, and how many of them have moved."""
+        rows = np.flatnonzero(tracks.is_observed)
+        counts = self.terms.counts[self.of(tracks)[rows], :2]
+        return np.stack([np.bincount(tracks.track[rows], column, len(tracks)) for column in counts.T], axis=1)
+
 
 def segment_terms(found: Detections, is_asked: bool = True) -> SegmentTerms:
     """Return the terms of the segments of a scan.

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.geometry import Array
-from automos.core.parallel import map_in_order
+from automos.core.parallel import map_in_order, return_memory
 from automos.core.scan import OBJECT, Mask
 from automos.core.upright_boxes import Boxes
 from automos.objects.bodies import cut_where_two, joined, links_in_time
@@ -33,6 +33,8 @@ ENOUGH = 300.0
 path is known, and what is lost and found again in pieces is another thing each time."""
 SCRAP = 0.9
 """Probability from which on such a scrap moves: where poses slip for a moment, everything seems to."""
+_AT_ONCE = 100
+"""Scans after which what was freed goes back: what is kept of each would else lie scattered over all of it."""
 _OF_PARTS = ("track", "scan", "segment", "p_moving")
 
 
@@ -41,7 +43,8 @@ class TrackedObjects:
     """Bodies and all else that was tracked, the verdict on each, and the places of static objects beside them.
 
     `parts` has a row for every segment of every track; of several in a scan, `tracks` has the main one. `scraps` are
-    segments that moved and are too small to be bodies; their `p_moving` is the probability that they did.
+    segments that moved and are too small to be bodies; their `p_moving` is the probability that they did. `counts`
+    (T, 2) are the points of each track over its life, and those of them that have moved; None where nobody counted.
     """
 
     tracks: Tracks
@@ -49,6 +52,7 @@ class TrackedObjects:
     places: Places | None = None
     parts: Tracks = None  # type: ignore[assignment]
     scraps: Tracks = None  # type: ignore[assignment]
+    counts: Array | None = None
 
     def __post_init__(self) -> None:
         if self.parts is None:
@@ -60,14 +64,18 @@ class TrackedObjects:
         """Return everything by name, for saving."""
         places = {} if self.places is None else self.places.to_arrays()
         more = {f"{name}_{c}": getattr(getattr(self, name), c) for name in ("parts", "scraps") for c in _OF_PARTS}
-        return {**self.tracks.to_arrays(), **self.verdicts.to_arrays(), **places, **more}
+        counts = {} if self.counts is None else {"counts": self.counts}
+        return {**self.tracks.to_arrays(), **self.verdicts.to_arrays(), **places, **more, **counts}
 
     @staticmethod
     def from_arrays(arrays: Mapping[str, npt.NDArray]) -> TrackedObjects:
         """Return the objects saved by `to_arrays`."""
         places = Places.from_arrays(arrays) if "places" in arrays else None
-        more = [Tracks.of_segments(*(arrays[f"{name}_{c}"] for c in _OF_PARTS)) for name in ("parts", "scraps")]
-        return TrackedObjects(Tracks.from_arrays(arrays), Verdicts.from_arrays(arrays), places, *more)
+        parts, scraps = (
+            Tracks.of_segments(*(arrays[f"{name}_{c}"] for c in _OF_PARTS)) for name in ("parts", "scraps")
+        )
+        tracks, verdicts = Tracks.from_arrays(arrays), Verdicts.from_arrays(arrays)
+        return TrackedObjects(tracks, verdicts, places, parts, scraps, arrays.get("counts"))
 
 
 def follow_and_judge(scans: Scans, settings: Settings, workers: int) -> TrackedObjects:
@@ -83,6 +91,8 @@ def follow_and_judge(scans: Scans, settings: Settings, workers: int) -> TrackedO
 
     def noted(found: Detections) -> Detections:
         seen.append(segment_terms(found))
+        if len(seen) % _AT_ONCE == 0:
+            return_memory()
         return found
 
     followed = zip(stamps, map(noted, detections), strict=True)
@@ -98,8 +108,10 @@ def follow_and_judge(scans: Scans, settings: Settings, workers: int) -> TrackedO
     tracks, parts, verdicts = of_tracks(tracks, kept), of_tracks(parts, kept), verdicts[kept]
     _make_whole(scans, tracks, parts, verdicts.is_moving, workers)
     tracks = moving_now(tracks, verdicts, stamps)
+    counts = segments.counts_of(tracks)
+    del segments  # what is looked for now is large, too
     places = find_places(scans, tracks, parts, verdicts, settings, workers)
-    return TrackedObjects(tracks, verdicts, places, parts, scraps)
+    return TrackedObjects(tracks, verdicts, places, parts, scraps, counts)
 
 
 def _judged(tracks: Tracks, segments: Segments, stamps: Array) -> Verdicts:
@@ -157,7 +169,9 @@ def _make_whole(scans: Scans, tracks: Tracks, parts: Tracks, is_moving: Mask, wo
     def shown(body: Tracks, _: Boxes) -> Intervals:
         return shown_intervals(body, scans, parts, workers)
 
+    return_memory()
     make_whole(tracks, is_moving, scans.frames.stamps, partial(_segments_of, scans), shown)
+    return_memory()
 
 
 def _segments_of(scans: Scans, tracks: Tracks) -> Boxes:

@@ -41,6 +41,13 @@ RawPoints = Callable[[int], Array]
 """Returns the (N, 3) coordinates of a scan as its file has them."""
 
 
+def ranks(values: Array) -> Array:
+    """Return the rank of each of `values` (N,), from 1; equal ones share the mean of theirs."""
+    # scipy.stats has this, too, and takes most of a second to import.
+    _, which, n = np.unique(values, return_inverse=True, return_counts=True)
+    return (np.cumsum(n) - 0.5 * (n - 1))[which]
+
+
 def frame_said(T_frame_sensor: Pose | None) -> str:
     """Return in words what clouds are given in, of what `find_frame` returns."""
     return "the sensor's own" if T_frame_sensor is None else "a map's, from which they were taken back"
@@ -52,21 +59,18 @@ class Spacing:
     def __init__(self, cloud: Array):
         """Take (N, 3) coordinates; those that are no point, zero or not finite, are left out."""
         from scipy.spatial import KDTree
-        from scipy.stats import rankdata
 
         random = np.random.default_rng(0)
         cloud = cloud[np.isfinite(cloud).all(axis=1) & (np.abs(cloud).max(axis=1, initial=0.0) > MIN_RANGE)]
         cloud = cloud[random.permutation(len(cloud))[:_AMONG]]
         asked = cloud[:_ASKED]
         apart = KDTree(cloud).query(asked, k=_NEXT + 1)[0][:, _NEXT] if len(cloud) else np.zeros(0)
-        self.points, self.rank = asked[apart > 0.0], rankdata(apart[apart > 0.0])
+        self.points, self.rank = asked[apart > 0.0], ranks(apart[apart > 0.0])
         self.is_enough = 2 * len(self.points) >= _ASKED
 
     def fit(self, place: Array) -> float:
         """Return the correlation of the points' spacing with their distance from `place` (3,), by ranks."""
-        from scipy.stats import rankdata
-
-        return float(np.corrcoef(rankdata(np.linalg.norm(self.points - place, axis=1)), self.rank)[0, 1])
+        return float(np.corrcoef(ranks(np.linalg.norm(self.points - place, axis=1)), self.rank)[0, 1])
 
     def starts(self) -> list[Array]:
         """Return places (3,) amid the densest points."""

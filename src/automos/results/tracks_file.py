@@ -144,29 +144,29 @@ def box_entry(scan: int, stamp: float, observed: bool, columns: list[float]) -> 
     }
 
 
-def track_entries(tracks: Tracks, verdicts: Verdicts, trajectory: Trajectory) -> Iterator[dict[str, Any]]:
-    """Yield what tracks.json says of each track, in their order.
+def track_entries(
+    tracks: Tracks, verdicts: Verdicts, trajectory: Trajectory, wanted: Iterable[int] | None = None
+) -> Iterator[dict[str, Any]]:
+    """Yield what tracks.json says of each track, or of those `wanted` (from 0), in their order.
 
     `p_moved` is the probability that it moved at some time, `p_moving` of a box that it moves in that scan; `kind` are
     the probabilities of each kind; `displacement`, metres, is from its first to its last box, `displacement_sigma` its
     standard deviation, null where it is not known; `moves_from` and `moves_until`, seconds, are the first and the last
     scan in which it moves, null where it never does.
     """
-    columns = np.column_stack([tracks.center, tracks.size, tracks.yaw, tracks.velocity]).round(3).tolist()
-    stamps, p_moving = np.round(trajectory.stamps, 6).tolist(), tracks.p_moving.round(3).tolist()
-    speed = np.linalg.norm(tracks.velocity, axis=1)
-    for k in range(len(tracks)):
-        rows = tracks.rows_of(k)
+    stamps = np.round(trajectory.stamps, 6)
+    for k in range(len(tracks)) if wanted is None else wanted:
+        track = tracks[tracks.rows_of(k)]  # as lists, the columns of all at once are several times as large
+        columns = np.column_stack([track.center, track.size, track.yaw, track.velocity]).round(3)
+        rows = (track.scan, stamps[track.scan], track.is_observed, columns, track.p_moving.round(3))
         boxes = [
-            {
-                **box_entry(int(tracks.scan[r]), stamps[tracks.scan[r]], bool(tracks.segment[r] >= 0), columns[r]),
-                "p_moving": p_moving[r],
-            }
-            for r in range(rows.start, rows.stop)
+            {**box_entry(*row), "p_moving": p_moving}
+            for *row, p_moving in zip(*(column.tolist() for column in rows), strict=True)
         ]
         scatter = verdicts.scatter[k]  # of either end
         sure, is_moving = float(verdicts.confidence[k]), verdicts.verdict[k] == Verdict.MOVING
-        kinds = kind_probabilities(np.median(tracks.size[rows], axis=0)[None], speed[rows].max(keepdims=True))[0]
+        fastest = np.linalg.norm(track.velocity, axis=1).max(keepdims=True)
+        kinds = kind_probabilities(np.median(track.size, axis=0)[None], fastest)[0]
         moves = [box["stamp"] for box in boxes if is_moving and box["p_moving"] >= 0.5]
         yield {
             "id": k + 1,
@@ -174,7 +174,7 @@ def track_entries(tracks: Tracks, verdicts: Verdicts, trajectory: Trajectory) ->
             "confidence": round(sure, 3),
             "p_moved": round(sure if is_moving else 1.0 - sure, 3),
             "kind": {kind.name.lower(): round(float(p), 3) for kind, p in zip(Kind, kinds, strict=True)},
-            "displacement": round(float(np.linalg.norm(tracks.center[rows][-1] - tracks.center[rows][0])), 3),
+            "displacement": round(float(np.linalg.norm(track.center[-1] - track.center[0])), 3),
             "displacement_sigma": round(float(np.sqrt(2.0) * scatter), 3) if np.isfinite(scatter) else None,
             "moves_from": min(moves, default=None),
             "moves_until": max(moves, default=None),

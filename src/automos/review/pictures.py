@@ -8,6 +8,7 @@ from typing import Any
 from automos.core.errors import AutomosError
 from automos.core.geometry import transform
 from automos.results.run_files import RunFiles
+from automos.results.tracks_file import track_entries
 from automos.review.amendments import Amendment
 from automos.review.apply import amended_entry
 from automos.review.changes import Changes, number_of
@@ -54,9 +55,9 @@ class Pictures:
     def _make(self) -> None:
         with suppress(AutomosError):  # a list without pictures is a list
             wanted = [item["id"] for item in self._queue.to_page(Changes())["items"] if "id" in item][:MOST]
-            tracks = {track["id"]: track for track in self._run.tracks_file["tracks"]}
             for ids in (wanted[:IN_SIGHT], wanted[IN_SIGHT:]):
-                self._add([tracks[track] for track in ids if track in tracks])
+                found = self._stages.tracks, self._stages.verdicts, self._stages.trajectory
+                self._add(list(track_entries(*found, [track - 1 for track in ids])))
         self._is_whole = True
 
     def _add(self, entries: list[dict[str, Any]]) -> None:

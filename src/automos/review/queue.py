@@ -66,7 +66,8 @@ class Queue:
     # ------------------------------------------------------------------------------------------------------ the rows
     def _row_of_track(self, track: int) -> dict[str, Any]:
         tracks, verdicts = self._stages.tracks, self._stages.verdicts
-        rows = np.arange(len(tracks.track))[tracks.rows_of(track)]
+        of_track = tracks.rows_of(track)
+        rows = np.arange(of_track.start, of_track.stop)
         seen = rows[tracks.is_observed[rows]] if tracks.is_observed[rows].any() else rows
         ends = tracks.center[seen[[0, -1]], :2]
         return {

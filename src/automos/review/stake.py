@@ -44,17 +44,24 @@ def weigh(stages: RunStages) -> Stakes:
     evidence says of its points is said of it as of any track that stayed: a half of those that have moved.
     """
     tracks, n = stages.tracks, len(stages.tracks)
-    points, moved = np.zeros((2, len(tracks.track)))
-    for name, rows in zip(stages.names, tracks.rows_by_scan(len(stages.names)), strict=True):
-        rows = rows[tracks.is_observed[rows]]
-        found = stages.stage("instances").load(name, "n_points", "n_moving")
-        points[rows], moved[rows] = (found[key][tracks.segment[rows]] for key in ("n_points", "n_moving"))
-    of_track, has_moved = (np.bincount(tracks.track, column, n) for column in (points, moved))
+    counts = stages.objects.counts
+    of_track, has_moved = (_counted(stages) if counts is None else counts).T
     seen = np.bincount(tracks.track, tracks.is_observed, n)
     doubt = 1.0 - stages.verdicts.confidence
     is_glimpse = (seen < 2) & (stages.verdicts.verdict != Verdict.MOVING)
     doubt = np.where(is_glimpse, 0.5 * has_moved / np.maximum(of_track, 1.0), doubt)
     return Stakes(of_track.astype(np.float64), np.clip(doubt, 0.0, 1.0))
+
+
+def _counted(stages: RunStages) -> npt.NDArray[np.float64]:
+    """Return (T, 2) the points of each track over its life, and those that have moved, read from every scan."""
+    tracks = stages.tracks
+    counts = np.zeros((len(tracks.track), 2))
+    for name, rows in zip(stages.names, tracks.rows_by_scan(len(stages.names)), strict=True):
+        rows = rows[tracks.is_observed[rows]]
+        found = stages.stage("instances").load(name, "n_points", "n_moving")
+        counts[rows] = np.stack([found[key][tracks.segment[rows]] for key in ("n_points", "n_moving")], axis=1)
+    return np.stack([np.bincount(tracks.track, column, len(tracks)) for column in counts.T], axis=1)
 
 
 def most_telling(doubtful: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.int64], int]:

@@ -38,7 +38,8 @@ class Subject:
 def subject_of_track(stages: RunStages, track: int) -> Subject:
     """Return `track` (index, from 0), where it was observed, or followed if it never was."""
     tracks = stages.tracks
-    rows = np.arange(len(tracks.track))[tracks.rows_of(track)]
+    of_track = tracks.rows_of(track)
+    rows = np.arange(of_track.start, of_track.stop)
     seen = rows[tracks.is_observed[rows]]
     rows = seen if len(seen) else rows
     boxes = np.column_stack([tracks.center[rows], tracks.size[rows], tracks.yaw[rows]])
