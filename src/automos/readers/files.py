@@ -17,7 +17,7 @@ from automos.readers.name_stamps import stamps_from_names
 from automos.readers.times_beside import NAMES
 
 _SIDE_FILES = {*NAMES, "poses.txt", "calib.txt", "readme.txt", "requirements.txt"}
-TEXT = {".txt", ".csv", ".zip"}  # which may be anything
+TEXT = {".txt", ".csv", ".tsv", ".zip"}  # which may be anything
 
 _LONGEST_HEADER = 1 << 14
 """Bytes of a file that may be all header: longer ones hold points."""
