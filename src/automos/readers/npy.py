@@ -18,8 +18,8 @@ from automos.readers.records import columns_of_field
 
 _POINTS = ("points", "point_cloud", "pointcloud", "pc", "cloud", "lidar", "scan", "xyzi", "xyz", "data", "arr_0")
 """What archives call the array of points, where they hold others, too."""
-_MATRIX = 16
-"""Numbers that a pose has, or what is known of a camera, which is beside the points of some."""
+_POSE = 4
+"""Rows and columns that a pose has, or what is known of a camera, which lies beside the points of some."""
 WIDEST = 2 * len(UNNAMED)
 """Columns that lie behind one another, at most: an array of more rows has a point in each."""
 
@@ -123,7 +123,7 @@ def _points_in(arrays: dict[str, npt.NDArray], path: Path) -> tuple[npt.NDArray 
         return None, {name: array for name, array in rows.items() if len(array) == n}
     clouds = [name for name, array in arrays.items() if array.ndim > 1 or array.dtype.names]
     named = [name for name in _POINTS if name in clouds]
-    clouds = clouds if named else [name for name in clouds if arrays[name].size > _MATRIX]
+    clouds = clouds if named else [name for name in clouds if max(arrays[name].shape) > _POSE]
     if not named and len(clouds) != 1:
         raise InputError(f"{path} holds the arrays {', '.join(arrays) or 'none'}; call the one of points 'points'")
     return arrays[(named or clouds)[0]], rows
