@@ -13,10 +13,9 @@ from automos.core.errors import InputError
 from automos.core.scan import Pose
 from automos.readers.bag import Bag
 from automos.readers.bag_file import Topic
-from automos.readers.bag_messages import decoded
+from automos.readers.bag_messages import TREES, decoded
 from automos.readers.stamped_poses import from_quaternions, poses_at
 
-_TREES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _LIDAR = r"lidar|laser|velo|livox|ouster|os_|hesai|pandar|rslidar|scan"
 _POSES = ("nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped")
 
@@ -33,7 +32,7 @@ class Joint(NamedTuple):
 
 def joints_of(bag: Bag, name: str) -> Iterator[Joint]:
     """Yield the transforms on topic `name`, /tf or /tf_static, in the order they were recorded."""
-    topics = [topic for topic in bag.topics if topic.name == name and topic.kind in _TREES]
+    topics = [topic for topic in bag.topics if topic.name == name and topic.kind in TREES]
     for message in _messages(bag, topics):
         for joint in message.transforms:
             t, q = joint.transform.translation, joint.transform.rotation

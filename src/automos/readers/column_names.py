@@ -32,7 +32,7 @@ _NAMED = {
                         f"({around}){{0,4}}")
     for meaning, (words, around) in _MEANINGS.items()
 }  # fmt: skip
-_SECONDS, _NANOSECONDS = re.compile(r"(.*[._])?s(ec(ond)?s?)?"), re.compile(r"(.*[._])?n(ano)?s(ec(ond)?s?)?")
+_NANOSECONDS, _SECONDS = re.compile(r"(.*?)[._]?n(ano)?s(ec(ond)?s?)?"), r"[._]?s(ec(ond)?s?)?"
 _AROUND_AXES = re.compile(r"points?|pos(ition)?|coord(s|inates?)?|xyz|lidar|sensor|local|[ckm]?m")
 _METRES = {"km": 1000.0, "cm": 0.01, "mm": 0.001}
 _METRIC = re.compile(r"(?:[(\[{]\s*|_)([ckm]m)(?:\s*[)\]}]|_|$)")
@@ -112,9 +112,12 @@ def has_time(names: Iterable[str]) -> bool:
 
 def parts_of_clock(names: Iterable[str]) -> tuple[str, str] | None:
     """Return which of some `names` are a clock's seconds and its nanoseconds, None if none are both."""
-    whole = next(filter(_SECONDS.fullmatch, names := list(names)), None)
-    parts = next(filter(_NANOSECONDS.fullmatch, names), None)
-    return None if whole is None or parts is None else (whole, parts)
+    for name in (names := list(names)):
+        if (parts := _NANOSECONDS.fullmatch(name)) and (
+            whole := next(filter(re.compile(re.escape(parts[1]) + _SECONDS).fullmatch, names), None)
+        ):
+            return whole, name
+    return None
 
 
 def _plain(name: str) -> str:

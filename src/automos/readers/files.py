@@ -19,6 +19,8 @@ from automos.readers.times_beside import NAMES
 _SIDE_FILES = {*NAMES, "poses.txt", "calib.txt", "readme.txt", "requirements.txt"}
 TEXT = {".txt", ".csv", ".tsv", ".zip"}  # which may be anything
 
+_NUMBERS = re.compile(rb"(^|[\s,;|\"])([-+.\deE]+[\s,;|\"]+){2}[-+.\d]", re.M)
+"""Three in a line, as points have them."""
 _LONGEST_HEADER = 1 << 14
 """Bytes of a file that may be all header: longer ones hold points."""
 
@@ -31,6 +33,20 @@ def holds_point_files(folder: Path) -> bool:
 def holds_scans(folder: Path) -> bool:
     """Return whether any file of `folder` is a scan by its name alone; text may be anything."""
     return any(_suffix(name) not in TEXT for name in point_files(folder))
+
+
+def holds_tables(folder: Path) -> bool:
+    """Return whether any text of `folder` holds numbers as points have them, and is no note; or an archive lies there.
+
+    What cannot be read, or is empty, may be a table, which is told when it is opened.
+    """
+    for name in point_files(folder):
+        with suppress(OSError):
+            with open(folder / name, "rb") as file:
+                start = file.read(_LONGEST_HEADER)
+            if not start.strip() or _suffix(name) == ".zip" or b"\0" in start or _NUMBERS.search(start):
+                return True
+    return False
 
 
 def left_out_folders(source: Path, read: Path) -> list[str]:
