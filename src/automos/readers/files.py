@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -92,6 +93,7 @@ def list_scans(folder: Path, codec: str | None = None) -> tuple[list[str], str, 
         raise InputError(f"{folder} mixes formats: {listed}; keep one kind, or name it with --format")
     _require_sound(names, folder)
     stamps = stamps_from_names([name[: -len(_suffix(name))] for name in names])
+    _require_one_series(names, stamps, folder)
     if stamps is not None:
         order = np.argsort(stamps)
         return [names[i] for i in order], CODEC_OF_SUFFIX[_suffix(names[0])], stamps[order]
@@ -161,6 +163,22 @@ def _require_sound(names: Sequence[str], folder: Path) -> None:
         twin = known.setdefault(os.path.splitext(name)[0], name)
         if twin != name:
             raise InputError(f"{folder} holds {twin} and {name}, whose labels would have one name; remove one of them")
+
+
+def _require_one_series(names: Sequence[str], stamps: npt.NDArray[np.float64] | None, folder: Path) -> None:
+    """Raise where names tell that some scans are another sensor's, or drive's: other words, and the same numbers."""
+    series: dict[str, list[tuple[float, str]]] = {}
+    for i, name in enumerate(names):
+        if numbers := re.findall(r"\d+", stem := name[: -len(_suffix(name))]):
+            at = float(numbers[-1]) if stamps is None else float(stamps[i])
+            series.setdefault(re.sub(r"(?<![A-Za-z])\d+", "", stem), []).append((at, name))
+    spans = sorted((min(found), max(found)) for found in series.values() if len(found) > 1)
+    for one, other in pairwise(spans):
+        if other[0][0] <= one[1][0]:
+            raise InputError(
+                f"{folder} holds scans of several sensors or drives, as their names tell ({one[0][1]}, {other[0][1]}); "
+                "put those of each into a folder of its own"
+            )
 
 
 def _require_no_folder(folder: Path, suffix: str) -> None:
