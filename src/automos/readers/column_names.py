@@ -16,7 +16,7 @@ _MEANINGS = {
         f"point|pts|raw|rel|relative|adjusted|gps|utc|unix|offset|delta|scan|sensor|device|host|from|since|start|{_UNITS}",
     ),
     "intensity": (
-        "intensity|i|intens|reflectivity|reflectance|refl|remission|signal|amplitude|gr[ae]yscale",
+        "intensity|i|intens|reflectivity|reflectance|refl|remission|signal|amplitude|grayscale|greyscale",
         "raw|return|photons|calibrated|corrected|normali[sz]ed|laser|lidar|point|value",
     ),
     "ring": (
@@ -28,10 +28,9 @@ _MEANINGS = {
 }
 """What columns are called, the first before others, and words around that, which change nothing."""
 _NAMED = {
-    meaning: re.compile(f"({around}){{0,4}}?({'|'.join(f'(?P<_{i}>{word})' for i, word in enumerate(words.split('|')))})"
-                        f"({around}){{0,4}}")
+    meaning: re.compile(f"({around}){{0,4}}?(?P<word>{words})({around}){{0,4}}")
     for meaning, (words, around) in _MEANINGS.items()
-}  # fmt: skip
+}
 _NANOSECONDS, _SECONDS = re.compile(r"(.*?)[._]?n(ano)?s(ec(ond)?s?)?"), r"[._]?s(ec(ond)?s?)?"
 _AROUND_AXES = re.compile(r"points?|pos(ition)?|coord(s|inates?)?|xyz|lidar|sensor|local|[ckm]?m")
 _METRES = {"km": 1000.0, "cm": 0.01, "mm": 0.001}
@@ -95,8 +94,7 @@ def called(names: Iterable[str], meaning: str) -> list[str]:
     found = []
     for name in names:
         if match := _NAMED[meaning].fullmatch(bare := name.replace("_", "")):
-            word = next(key for key, text in match.groupdict().items() if text)
-            found.append((match[word] != bare, int(word[1:]), name))
+            found.append((match["word"] != bare, _MEANINGS[meaning][0].split("|").index(match["word"]), name))
     return [name for *_, name in sorted(found)]
 
 
