@@ -95,6 +95,18 @@ class Bag:
 
         self.write(topic, every())
 
+    def path_of(self, topic, frame, poses):
+        """Write the path so far at every scan."""
+        make, held = self.types.types, []
+        for seconds, T in zip(self.log.stamps.tolist(), poses, strict=True):
+            p = make["geometry_msgs/msg/Point"](*T[:3, 3].tolist())
+            q = make["geometry_msgs/msg/Quaternion"](*Rotation.from_matrix(T[:3, :3]).as_quat().tolist())
+            pose = make["geometry_msgs/msg/Pose"](p, q)
+            held.append((seconds, make["geometry_msgs/msg/PoseStamped"](self._header(seconds, frame), pose)))
+        paths = [make["nav_msgs/msg/Path"](self._header(at, frame), [one for _, one in held[: i + 1]])
+                 for i, (at, _) in enumerate(held)]  # fmt: skip
+        self.write(topic, zip(self.log.stamps.tolist(), paths, strict=True))
+
     def transforms(self, joints, topic="/tf"):
         """Write (parent, child, (N, 4, 4) at the scans' times) joints."""
         messages = []
@@ -134,6 +146,14 @@ def test_registered_clouds_are_taken_back_by_the_odometry_that_came_with_them(tm
     assert_sensors_own(sequence, log)
     assert sequence.is_compensated
     np.testing.assert_allclose(sequence.reference_poses, log.poses, atol=1e-6)
+
+
+def test_a_path_has_the_poses_of_all_scans_in_its_last_message(tmp_path):
+    log = street_log()
+    with Bag(tmp_path / "log.bag", log) as bag:
+        bag.clouds("/cloud_registered", "camera_init", in_place(log))
+        bag.path_of("/path", "camera_init", in_place(log))
+    assert_sensors_own(open_sequence(tmp_path / "log.bag"), log)
 
 
 KINDS = ["nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped"]

@@ -285,7 +285,8 @@ def test_real_views_to_the_front_are_points(recording_of, tmp_path, name, degree
 @pytest.mark.recordings
 @pytest.mark.parametrize("name", ["kitti_0005", "kitti_0027", "lyft_5hz", "room_vlp16", "yard_avia", "handheld_xt32"])
 @pytest.mark.parametrize(
-    "spelled", ["x,y,z", "x,y,z,intensity", "x,y,z,ring,intensity", "x:f8,y,z,intensity", "x:>f4,y,z"]
+    "spelled",
+    ["x,y,z", "x,y,z,intensity", "x,y,z,ring,intensity", "x:f8,y,z,intensity", "x:>f4,y,z", "x,y,z,intensity,_,_,_,_"],
 )
 def test_real_sweeps_are_told_apart(recording_of, tmp_path, name, spelled):
     dtype, counts = parse_columns(spelled), []
