@@ -106,11 +106,12 @@ def write_mcap(path, messages, schema, encoding, profile="", topic="/points", be
 
 
 def _static_transforms(types, joints):
-    """Return a ROS 2 TFMessage."""
+    """Return a TFMessage."""
     kind = types.types
     stamped = []
     for parent, child, translation, xyzw in joints:
-        header = kind["std_msgs/msg/Header"](stamp=kind["builtin_interfaces/msg/Time"](0, 0), frame_id=parent)
+        old = {"seq": 0} if "seq" in kind["std_msgs/msg/Header"].__dataclass_fields__ else {}
+        header = kind["std_msgs/msg/Header"](stamp=kind["builtin_interfaces/msg/Time"](0, 0), frame_id=parent, **old)
         place = kind["geometry_msgs/msg/Transform"](
             kind["geometry_msgs/msg/Vector3"](*translation), kind["geometry_msgs/msg/Quaternion"](*xyzw)
         )

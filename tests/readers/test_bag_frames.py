@@ -16,7 +16,7 @@ pytest.importorskip("rosbags")
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.spatial.transform import Rotation
 
 
@@ -35,6 +35,9 @@ class Bag:
     def __init__(self, path, log):
         self.path, self.log, self.is_ros1 = path, log, path.suffix == ".bag"
         self.types = get_typestore(Stores.ROS1_NOETIC if self.is_ros1 else Stores.ROS2_HUMBLE)
+        if self.is_ros1:  # its own definitions come with each bag
+            tree = get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage")
+            self.types.register(tree)
         folder = path.with_suffix("")
         self.writer = Writer1(path) if self.is_ros1 else Writer2(folder, version=8, storage_plugin=StoragePlugin.MCAP)
 
@@ -92,6 +95,18 @@ class Bag:
 
         self.write(topic, every())
 
+    def path_of(self, topic, frame, poses):
+        """Write the path so far at every scan."""
+        make, held = self.types.types, []
+        for seconds, T in zip(self.log.stamps.tolist(), poses, strict=True):
+            p = make["geometry_msgs/msg/Point"](*T[:3, 3].tolist())
+            q = make["geometry_msgs/msg/Quaternion"](*Rotation.from_matrix(T[:3, :3]).as_quat().tolist())
+            pose = make["geometry_msgs/msg/Pose"](p, q)
+            held.append((seconds, make["geometry_msgs/msg/PoseStamped"](self._header(seconds, frame), pose)))
+        paths = [make["nav_msgs/msg/Path"](self._header(at, frame), [one for _, one in held[: i + 1]])
+                 for i, (at, _) in enumerate(held)]  # fmt: skip
+        self.write(topic, zip(self.log.stamps.tolist(), paths, strict=True))
+
     def transforms(self, joints, topic="/tf"):
         """Write (parent, child, (N, 4, 4) at the scans' times) joints."""
         messages = []
@@ -133,6 +148,14 @@ def test_registered_clouds_are_taken_back_by_the_odometry_that_came_with_them(tm
     np.testing.assert_allclose(sequence.reference_poses, log.poses, atol=1e-6)
 
 
+def test_a_path_has_the_poses_of_all_scans_in_its_last_message(tmp_path):
+    log = street_log()
+    with Bag(tmp_path / "log.bag", log) as bag:
+        bag.clouds("/cloud_registered", "camera_init", in_place(log))
+        bag.path_of("/path", "camera_init", in_place(log))
+    assert_sensors_own(open_sequence(tmp_path / "log.bag"), log)
+
+
 KINDS = ["nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped"]
 
 
@@ -150,17 +173,18 @@ def test_poses_may_be_any_topics_at_other_times_and_among_others(tmp_path, kind)
     assert_sensors_own(open_sequence(tmp_path / "log.mcap"), log, atol=0.05)
 
 
-def test_transforms_from_the_map_by_the_odometry_to_the_lidar_are_put_together(tmp_path):
+@pytest.mark.parametrize("name", ["log.mcap", "log.bag"])
+def test_transforms_from_the_map_by_the_odometry_to_the_lidar_are_put_together(tmp_path, name):
     log = street_log()
     T_base_lidar, T_map_odom = pose(30.0, 1.2, 0.0, 1.8), PLACES["far"]
     T_odom_base = log.poses @ np.linalg.inv(T_base_lidar)
     still = np.broadcast_to
-    with Bag(tmp_path / "log.mcap", log) as bag:
+    with Bag(tmp_path / name, log) as bag:
         bag.clouds("/points_in_map", "map", T_map_odom @ T_odom_base @ T_base_lidar)
         shape = (len(log.scans), 4, 4)
         bag.transforms([("map", "odom", still(T_map_odom, shape)), ("odom", "base_link", T_odom_base)])
         bag.transforms([("base_link", "lidar", still(T_base_lidar, shape))], "/tf_static")
-    sequence = open_sequence(tmp_path / "log.mcap")
+    sequence = open_sequence(tmp_path / name)
     assert_sensors_own(sequence, log)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from automos.core.errors import InputError
-from automos.readers.column_names import by_plain_names, plain_names
+from automos.readers.column_names import by_plain_names, called, plain_names
 from automos.readers.columns import to_scan
 
 
@@ -40,6 +40,42 @@ def test_words_of_a_name_may_be_divided_or_not(name, ring):
     scan = to_scan(columns, Path("a.csv"))
     assert scan.ring.tolist() == [0, 1, 2, 3]
     assert scan.time[-1] > 0
+
+
+NAMES = {
+    "time": "point_time_offset relative_timestamp dt delta_t timestampNs t_rel_s time_from_start stamp_usec",
+    "intensity": "return_intensity intensity_raw signal_photons refl amplitude calibrated_reflectivity",
+    "ring": "laser_number vertical_channel line_id scan_ring layer beam_index row_index",
+}
+OTHERS = "timestamp_type first_return beam_azimuth scan_id id range velocity time_valid return_type index channels"
+
+
+@pytest.mark.parametrize("meaning", NAMES)
+def test_words_that_change_nothing_may_stand_around_what_a_column_is_and_no_others(meaning):
+    for name in NAMES[meaning].split():
+        scan = to_scan({**dict.fromkeys("xyz", np.arange(4.0)), name: np.arange(4.0)}, Path("a.csv"))
+        given = {known: getattr(scan, known) is not None for known in NAMES}
+        assert given == {known: known == meaning for known in NAMES}, name
+    for name in OTHERS.split():
+        scan = to_scan({**dict.fromkeys("xyz", np.arange(4.0)), name: np.arange(4.0)}, Path("a.csv"))
+        assert getattr(scan, meaning) is None, name
+
+
+def test_the_name_that_says_least_else_comes_first():
+    assert called(["gps_time", "adjusted_time", "timestamp", "t"], "time") == [
+        "t", "timestamp", "adjusted_time", "gps_time",
+    ]  # fmt: skip
+    begin = time.process_time()
+    assert called(["secs" * 10_000 + "x", "pointraw" * 10_000], "time") == []
+    assert time.process_time() - begin < 1.0
+
+
+@pytest.mark.parametrize("names", [("sec", "nsec"), ("t_sec", "t_nsec"), ("timestampSec", "timestampNanosec")])
+@pytest.mark.parametrize("kind", ["u4", "f8"])
+def test_a_clock_in_two_parts_goes_on_where_the_second_does(names, kind):
+    parts = np.array([[1_700_000_000] * 2 + [1_700_000_001] * 2, [950_000_000, 990_000_000, 30_000_000, 45_000_000]])
+    columns = {**dict.fromkeys("xyz", np.arange(4.0)), **dict(zip(names, parts.astype(kind), strict=True))}
+    np.testing.assert_allclose(to_scan(columns, Path("a.csv")).time, [0.0, 0.04, 0.08, 0.095], atol=1e-6)
 
 
 def test_coordinates_of_the_first_of_two_returns_are_taken():

@@ -2,10 +2,12 @@ import numpy as np
 import pytest
 
 from automos.core.errors import InputError
+from automos.readers import open_sequence
 from automos.readers.files import list_scans, natural_key, stamps_from_names
 
 
 def touch(folder, *names):
+    folder.mkdir(exist_ok=True)
     for name in names:
         (folder / name).touch()
     return folder
@@ -26,6 +28,38 @@ def test_hidden_files_and_files_beside_the_scans_are_no_scans(tmp_path):
     touch(tmp_path, "notes.txt", "a.csv", "picture.png")
     (tmp_path / "old.bin").mkdir()
     assert list_scans(tmp_path)[0] == ["0.bin", "1.BIN"]
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ["front_000000.pcd", "front_000001.pcd", "rear_000000.pcd", "rear_000001.pcd"],
+        ["0.bin", "0_ground.bin", "1.bin", "1_ground.bin"],
+        [f"car_lidar{k}_{1561000444390857630 + k * 1000 + i * 10**8}.bin" for i in range(3) for k in range(2)],
+    ],
+)
+def test_scans_of_several_sensors_in_a_folder_are_told_by_their_names(tmp_path, names):
+    with pytest.raises(InputError, match="holds scans of several sensors or drives, as their names tell"):
+        list_scans(touch(tmp_path, *names))
+
+
+def test_names_that_go_on_under_other_words_or_have_them_for_each_are_of_one_series(tmp_path):
+    for i, names in enumerate((["a_1.bin", "a_2.bin", "b_3.bin", "b_4.bin"], ["scan1.bin", "scan2.bin", "last1.bin"])):
+        assert len(list_scans(touch(tmp_path / str(i), *names))[0]) == len(names)
+
+
+@pytest.mark.parametrize("suffix", [".tsv", ".asc", ".pts"])
+def test_text_has_many_names(tmp_path, suffix):
+    for k in range(3):
+        rows = "\n".join(f"{i} {i * k % 7} {-i * i % 5} {i % 9}" for i in range(40))
+        (tmp_path / f"{k}{suffix}").write_text(f"40\n{rows}\n" if suffix == ".pts" else rows)
+    assert [len(scan) for scan in open_sequence(tmp_path)] == [40, 40, 40]
+
+
+def test_a_folder_of_notes_is_no_recording(tmp_path):
+    (tmp_path / "notes.txt").write_text("taken on the 3rd of May, 2 turns, 14 km\n")
+    with pytest.raises(InputError, match="no point files"):
+        open_sequence(tmp_path)
 
 
 def test_text_files_are_scans_where_there_are_no_others(tmp_path):

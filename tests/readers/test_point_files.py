@@ -369,7 +369,13 @@ def test_a_file_that_names_its_columns_is_given_no_others(tmp_path, write_points
         read_columns(tmp_path / "a.pcd", "pcd", "x,y,z")
 
 
-@pytest.mark.parametrize("shape", ["4xN", "image", "planes", "archive", "archive of columns", "archive of one"])
+@pytest.mark.parametrize(
+    "shape",
+    [
+        "4xN", "image", "planes", "archive", "archive of columns", "archive of one", "archive of rows",
+        "archive of two", "archive of another name",
+    ],
+)  # fmt: skip
 def test_arrays_lie_in_many_ways(tmp_path, shape):
     rows = np.random.default_rng(0).normal(size=(240, 4)).astype(np.float32)
     path = tmp_path / ("a.npz" if shape.startswith("archive") else "a.npy")
@@ -384,6 +390,12 @@ def test_arrays_lie_in_many_ways(tmp_path, shape):
             np.savez_compressed(path, points=rows, pose=np.eye(4))
         case "archive of columns":
             np.savez(path, x=rows[:, 0], y=rows[:, 1], z=rows[:, 2], intensity=rows[:, 3], stamp=np.zeros(1))
+        case "archive of rows":
+            np.savez(path, **{name: rows[:, k : k + 1].T for k, name in enumerate("xyzi")})
+        case "archive of two":
+            np.savez(path, points=rows[:, :3], intensity=rows[:, 3:].T)
+        case "archive of another name":
+            np.savez(path, of_the_roof=rows, mount=np.eye(4), camera=np.ones((3, 3)))
         case "archive of one":
             np.savez(path, whatever=rows)
     scan = read_scan(path, "npy")

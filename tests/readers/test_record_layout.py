@@ -45,6 +45,7 @@ RECORDS = {
     "x,y,z,intensity,ring:u2,timestamp:f8": np.dtype([*XYZ, ("intensity", "<f4"), ("ring", "<u2"), ("time", "<f8")]),
     "x,y,z,intensity,time:f8,ring:u2": np.dtype([*XYZ, ("intensity", "<f4"), ("time", "<f8"), ("ring", "<u2")]),
     "x,y,z,intensity,ring:u1,time": np.dtype([*XYZ, ("intensity", "<f4"), ("ring", "u1"), ("time", "<f4")]),
+    "x,y,z,_,intensity": np.dtype([*XYZ, ("range", "<f4"), ("intensity", "<f4")]),
     "x:f8,y,z,intensity:f4,ring:u2": np.dtype(
         [*((axis, "<f8") for axis in "xyz"), ("intensity", "<f4"), ("ring", "<u2")]
     ),
@@ -89,6 +90,28 @@ def test_columns_are_those_that_were_written(tmp_path, scans, spelled, is_even):
                 np.testing.assert_allclose(getattr(scan, name), columns[name], atol=1e-6)
         if "time" in RECORDS[spelled].names:
             np.testing.assert_allclose(scan.time, columns["time"] - columns["time"].min(), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("spelled", "dtype"),
+    [
+        ("x:>f4,y,z,_:u1,intensity:u1", [*((axis, ">f4") for axis in "xyz"), ("intensity", ">u2")]),
+        ("x:>f8,y,z,_:u1,intensity:u1", [*((axis, ">f8") for axis in "xyz"), ("intensity", ">u2")]),
+        ("x,y,z,intensity:u1,_:V1,_:V1", [*XYZ, ("intensity", "u1"), ("green", "u1"), ("blue", "u1")]),
+    ],
+)
+def test_an_intensity_of_whole_numbers_is_found_in_either_byte_order_and_colours_are_no_beams(
+    tmp_path, scans, spelled, dtype
+):
+    rng = np.random.default_rng(0)
+    bright = [
+        {**one, **{n: rng.integers(0, 256, len(one["x"])) for n in ("intensity", "green", "blue")}} for one in scans
+    ]
+    sequence = open_sequence(write(tmp_path, np.dtype(dtype), bright))
+    assert sequence.about["files"] == f".bin files of {spelled}"
+    for scan, one in zip(sequence, bright, strict=True):
+        np.testing.assert_array_equal(scan.intensity, one["intensity"])
+        assert scan.ring is None
 
 
 @pytest.mark.parametrize("ring", [[], [("ring", "<f4")], [("ring", "<u2")]], ids=["none", "floats", "two bytes"])
@@ -262,7 +285,8 @@ def test_real_views_to_the_front_are_points(recording_of, tmp_path, name, degree
 @pytest.mark.recordings
 @pytest.mark.parametrize("name", ["kitti_0005", "kitti_0027", "lyft_5hz", "room_vlp16", "yard_avia", "handheld_xt32"])
 @pytest.mark.parametrize(
-    "spelled", ["x,y,z", "x,y,z,intensity", "x,y,z,ring,intensity", "x:f8,y,z,intensity", "x:>f4,y,z"]
+    "spelled",
+    ["x,y,z", "x,y,z,intensity", "x,y,z,ring,intensity", "x:f8,y,z,intensity", "x:>f4,y,z", "x,y,z,intensity,_,_,_,_"],
 )
 def test_real_sweeps_are_told_apart(recording_of, tmp_path, name, spelled):
     dtype, counts = parse_columns(spelled), []

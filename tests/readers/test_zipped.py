@@ -77,6 +77,18 @@ def test_a_folder_of_archives_of_a_cloud_each_is_a_recording(tmp_path, suffix):
         np.testing.assert_array_equal(got.points, true.points)
 
 
+def test_folders_may_be_divided_by_backslashes_and_notes_may_lie_above_the_recording(tmp_path):
+    drive = write_drive(tmp_path / "drive", ".bin", clouds())
+    (drive / "times.txt").write_text("\n".join(str(0.1 * k) for k in range(12)))
+    with zipfile.ZipFile(tmp_path / "packed.zip", "w") as archive:
+        archive.writestr("day\\notes.txt", "12 scans")
+        for file in drive.iterdir():
+            archive.writestr(f"day\\drive\\{file.name}", file.read_bytes())
+    sequence = open_sequence(tmp_path / "packed.zip")
+    np.testing.assert_allclose(sequence.stamps, 0.1 * np.arange(12))
+    np.testing.assert_array_equal(sequence[3].points, open_sequence(drive)[3].points)
+
+
 def test_other_files_and_folders_may_be_packed_beside_the_recording(tmp_path):
     path, scans = tmp_path / "packed.zip", clouds(6)
     drive = write_drive(tmp_path / "drive", ".bin", scans)

@@ -347,6 +347,15 @@ def test_the_command_prints_a_screen_or_json_and_leaves_with_what_it_found(tmp_p
     assert CliRunner().invoke(app, ["check", str(tmp_path / "none")]).exit_code == 2
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_sensor_that_looks_up_only_is_told_without_a_word_of_the_libraries(tmp_path, scans):
+    for k in range(3):
+        up = np.abs(np.random.default_rng(k).normal(0.0, 1.0, (4000, 4))) * [1.0, 1.0, 9.0, 1.0] + [0.0, 0.0, 6.0, 0.0]
+        up.astype("<f4").tofile(tmp_path / f"{k}.bin")
+    (found,) = check(tmp_path)
+    assert found.scans == 3
+
+
 def test_several_recordings_are_told_one_by_one(tmp_path, scans):
     write_bins(tmp_path / "fleet" / "a" / "velodyne", scans)
     cut(write_bins(tmp_path / "fleet" / "b" / "velodyne", scans))

@@ -20,6 +20,8 @@ from automos.readers.point_cloud2 import cloud_digest, header_frame, header_stam
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
 _OLD_CLOUD = "sensor_msgs/msg/PointCloud"
+TREES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+"""Types of what says where frames are."""
 _OF_ROS = {CLOUD, _OLD_CLOUD, *PACKETS, *livox_message.TYPES, foxglove_cloud.ROS}
 _HEAD = 4096
 """Bytes of a message that hold its header and the name of its frame."""
@@ -88,4 +90,8 @@ def decoded(raw: bytes, topic: Topic) -> Any:
 @cache
 def _types(is_ros2: bool) -> Any:
     typesys = import_extra("rosbags.typesys", "ros")
-    return typesys.get_typestore(typesys.Stores.ROS2_HUMBLE if is_ros2 else typesys.Stores.ROS1_NOETIC)
+    types = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE if is_ros2 else typesys.Stores.ROS1_NOETIC)
+    for tree in TREES:  # that of ROS 1 knows none of them
+        if tree not in types.types:
+            types.register(typesys.get_types_from_msg("geometry_msgs/TransformStamped[] transforms", tree))
+    return types

@@ -13,12 +13,12 @@ from automos.core.errors import InputError
 from automos.core.scan import Pose
 from automos.readers.bag import Bag
 from automos.readers.bag_file import Topic
-from automos.readers.bag_messages import decoded
+from automos.readers.bag_messages import TREES, decoded
 from automos.readers.stamped_poses import from_quaternions, poses_at
 
-_TREES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _LIDAR = r"lidar|laser|velo|livox|ouster|os_|hesai|pandar|rslidar|scan"
 _POSES = ("nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped")
+_PATH = "nav_msgs/msg/Path"
 
 
 class Joint(NamedTuple):
@@ -33,7 +33,7 @@ class Joint(NamedTuple):
 
 def joints_of(bag: Bag, name: str) -> Iterator[Joint]:
     """Yield the transforms on topic `name`, /tf or /tf_static, in the order they were recorded."""
-    topics = [topic for topic in bag.topics if topic.name == name and topic.kind in _TREES]
+    topics = [topic for topic in bag.topics if topic.name == name and topic.kind in TREES]
     for message in _messages(bag, topics):
         for joint in message.transforms:
             t, q = joint.transform.translation, joint.transform.rotation
@@ -53,7 +53,7 @@ def poses_in(bag: Bag, frame: str, stamps: npt.NDArray[np.float64]) -> tuple[lis
     found: dict[str, Pose] = {frame: np.tile(np.eye(4), (len(stamps), 1, 1))}
     children: dict[str, list[str]] = {}
     for topic in bag.topics:
-        messages = [m for m in _messages(bag, [topic]) if _frame(m) == frame] if topic.kind in _POSES else []
+        messages = [m for m in _poses_on(bag, topic) if _frame(m) == frame]
         if messages:
             with _noted(faults):
                 told.append(_at(stamps, list(map(_state, messages)), bag.path / topic.name.strip("/")))
@@ -113,6 +113,15 @@ def _messages(bag: Bag, topics: list[Topic]) -> Iterator[Any]:
     for topic in topics:
         for row in bag.index(topic):
             yield decoded(bag.read(row), topic)
+
+
+def _poses_on(bag: Bag, topic: Topic) -> Iterator[Any]:
+    """Yield the messages of a topic that are poses, or those in its last path, which has those of all before it."""
+    if topic.kind in _POSES:
+        yield from _messages(bag, [topic])
+    elif topic.kind == _PATH:
+        for row in bag.index(topic)[-1:]:
+            yield from decoded(bag.read(row), topic).poses
 
 
 def _frame(message: Any) -> str:

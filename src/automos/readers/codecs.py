@@ -16,7 +16,7 @@ CODECS: dict[str, str] = {
     "npy": "NumPy (.npy, .npz), (N, 3 or more) or structured",
     "las": "LAS or LAZ (extra las)",
     "e57": "E57, a scan a file (extra e57)",
-    "xyz": "text (.xyz, .txt, .csv), x y z intensity or columns named in the first line",
+    "xyz": "text (.xyz, .txt, .csv, .tsv, .asc, .pts), x y z intensity or columns named in the first line",
     "zipped": "an archive (.zip) of one cloud of these kinds",
 }
 """Kinds of point files, name and description."""
@@ -32,6 +32,9 @@ CODEC_OF_SUFFIX = {
     ".xyz": "xyz",
     ".txt": "xyz",
     ".csv": "xyz",
+    ".tsv": "xyz",
+    ".asc": "xyz",
+    ".pts": "xyz",
     ".e57": "e57",
     ".zip": "zipped",
 }

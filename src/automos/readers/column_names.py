@@ -8,19 +8,37 @@ import numpy.typing as npt
 
 from automos.core.errors import InputError
 
-TIME = (
-    "t", "time", "times", "timestamp", "timestamps", "stamp", "stamps", "offsettime", "timeoffset", "toffset", "offset",
-    "relativetime", "reltime", "rawtimestamp", "pointtime", "gpstime", "adjustedtime",
-)  # fmt: skip
-"""What times are called, the first that is there before others; without what divides words."""
-_COUNTED = re.compile(r"_(n|u|m)?s(ec)?$")
-_AROUND_AXES = re.compile(r"points?|pos(ition)?|coord(s|inates?)?|xyz|lidar|[ckm]?m")
+_NUMBER = "id|ids|index|idx|number|num|no|nr"
+_UNITS = "(n|u|m|nano|micro|milli)?s(ec|ecs|econds?)?"
+_MEANINGS = {
+    "time": (
+        "t|time|times|timestamp|timestamps|stamp|stamps|tstamp|dt|offset",
+        f"point|pts|raw|rel|relative|adjusted|gps|utc|unix|offset|delta|scan|sensor|device|host|from|since|start|{_UNITS}",
+    ),
+    "intensity": (
+        "intensity|i|intens|reflectivity|reflectance|refl|remission|signal|amplitude|grayscale|greyscale",
+        "raw|return|photons|calibrated|corrected|normali[sz]ed|laser|lidar|point|value",
+    ),
+    "ring": (
+        "ring|line|channel|beam|laser|layer|scanline|row",
+        f"laser|lidar|sensor|scan|vertical|{_NUMBER}",
+    ),
+    "sensor": ("sensor|lidar", _NUMBER),
+    "frame": ("frame|sweep", _NUMBER),
+}
+"""What columns are called, the first before others, and words around that, which change nothing."""
+_NAMED = {
+    meaning: re.compile(f"({around}){{0,4}}?(?P<word>{words})({around}){{0,4}}")
+    for meaning, (words, around) in _MEANINGS.items()
+}
+_NANOSECONDS, _SECONDS = re.compile(r"(.*?)[._]?n(ano)?s(ec(ond)?s?)?"), r"[._]?s(ec(ond)?s?)?"
+_AROUND_AXES = re.compile(r"points?|pos(ition)?|coord(s|inates?)?|xyz|lidar|sensor|local|[ckm]?m")
 _METRES = {"km": 1000.0, "cm": 0.01, "mm": 0.001}
 _METRIC = re.compile(r"(?:[(\[{]\s*|_)([ckm]m)(?:\s*[)\]}]|_|$)")
 """How many metres are in what a name says behind it: x [mm], x_mm."""
 _NOT_METRIC = re.compile(r"[(\[{]\s*(us[- ]?)?(ft|feet|foot|in|inch|inches|yd|yards?)\s*[)\]}]\s*$")
 _UNIT = re.compile(r"[(\[{][^()\[\]{}]*[)\]}]\s*$")
-"""What stands behind a name in brackets, as `_COUNTED` behind that of a time."""
+"""What stands behind a name in brackets."""
 
 
 def by_plain_names(columns: dict[str, npt.NDArray], path: Path) -> dict[str, npt.NDArray]:
@@ -65,19 +83,39 @@ def plain_names(names: Sequence[str]) -> list[str]:
     return plain
 
 
+def called(names: Iterable[str], meaning: str) -> list[str]:
+    """Return those of some plain `names` that mean a time, an intensity, a ring, a sensor or a frame, the usual first.
+
+    Examples
+    --------
+    >>> called(["laser_id", "point_time_offset", "timestamp", "gain"], "time")
+    ['timestamp', 'point_time_offset']
+    """
+    found = []
+    for name in names:
+        if match := _NAMED[meaning].fullmatch(bare := name.replace("_", "")):
+            found.append((match["word"] != bare, _MEANINGS[meaning][0].split("|").index(match["word"]), name))
+    return [name for *_, name in sorted(found)]
+
+
 def is_time(name: str) -> bool:
     """Return whether a column of this name is one of times."""
-    return uncounted(_plain(name)) in TIME
+    return bool(called([_plain(name)], "time"))
 
 
 def has_time(names: Iterable[str]) -> bool:
     """Return whether any column is named as a time."""
-    return any(map(is_time, plain_names(list(names))))
+    return bool(called(plain_names(list(names)), "time"))
 
 
-def uncounted(name: str) -> str:
-    """Return the plain name of a time without its unit and without what divides its words."""
-    return _COUNTED.sub("", name).replace("_", "")
+def parts_of_clock(names: Iterable[str]) -> tuple[str, str] | None:
+    """Return which of some `names` are a clock's seconds and its nanoseconds, None if none are both."""
+    for name in (names := list(names)):
+        if (parts := _NANOSECONDS.fullmatch(name)) and (
+            whole := next(filter(re.compile(re.escape(parts[1]) + _SECONDS).fullmatch, names), None)
+        ):
+            return whole, name
+    return None
 
 
 def _plain(name: str) -> str:

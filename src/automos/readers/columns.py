@@ -13,15 +13,10 @@ import numpy.typing as npt
 from automos.core.errors import InputError
 from automos.core.geometry import inverse, transform
 from automos.core.scan import MAX_RANGE, Points, Pose, Scan
-from automos.readers.column_names import TIME, by_plain_names, plain_names, uncounted
+from automos.readers.column_names import by_plain_names, called, parts_of_clock, plain_names
 
 Columns = dict[str, npt.NDArray]
 
-_INTENSITY = ("intensity", "i", "reflectivity", "reflectance", "remission", "signalphotons", "signal")
-_SENSOR = ("sensor", "lidar", "lidarid", "sensorid")
-_RING = ("ring", "line", "channel", "laserid", "lasernumber", "beam", "ringid", "beamid", "channelid", "laser",
-         "laserchannel", "ringindex", "scanline", "row")  # fmt: skip
-_FRAME = ("frame", "frameid", "frameindex", "framenumber", "sweep", "sweepid")
 UNNAMED = ("x", "y", "z", "intensity", "ring")
 """Columns of arrays and tables that do not name them."""
 MAX_COLUMNS = 100
@@ -66,19 +61,19 @@ def to_scan(
     columns = by_plain_names(columns, path)
     points = _coordinates(columns, path, np.float32 if T_file_sensor is None else np.float64)
     columns = _numbers(columns)
-    if (frame := _first(columns, _FRAME)) is not None and len(np.unique(frame)) > 1:
+    if (frame := _first(columns, "frame")) is not None and len(np.unique(frame)) > 1:
         raise InputError(f"{path} holds the points of {len(np.unique(frame))} scans; write a file for each")
     if unit != 1.0:
         points *= points.dtype.type(unit)
     if T_file_sensor is not None:  # numbers of a map are beyond what float32 holds to the centimetre
         points = transform(inverse(T_file_sensor), points).astype(np.float32)
     _refuse_map(points, path)
-    intensity = _first(columns, _INTENSITY)
+    intensity = _first(columns, "intensity")
     return Scan(
         points,
         intensity=None if intensity is None else np.ascontiguousarray(intensity, np.float32),
         time=None if time_unit == 0.0 else _seconds(time_column(columns), time_unit),
-        ring=_ring(_first(columns, _RING)),
+        ring=_ring(_first(columns, "ring")),
         stamp=stamp,
         name=name,
     )
@@ -134,9 +129,15 @@ def from_matrix(matrix: npt.NDArray, path: Path, names: Sequence[str] = UNNAMED)
 
 
 def time_column(columns: Columns) -> npt.NDArray | None:
-    """Return the first column named as a time whose values differ, else None."""
-    plain = {uncounted(name): column for name, column in _numbers(columns).items()}
-    return next((times for name in TIME if name in plain and _span(times := _subtractable(plain[name])) > 0), None)
+    """Return the first column named as a time whose values differ, else None; nanoseconds of a clock in two parts."""
+    numbers = _numbers(columns)
+    if parts := parts_of_clock(numbers):
+        whole, rest = (np.nan_to_num(numbers[name]) for name in parts)
+        is_whole = np.array_equal(whole, np.floor(whole)) and np.abs(whole).max(initial=0) < 2**33
+        if is_whole and 0 <= rest.min(initial=0) < rest.max(initial=0) < 1e9:
+            return whole.astype(np.int64) * 10**9 + rest.astype(np.int64)
+    known = (_subtractable(numbers[name]) for name in called(numbers, "time"))
+    return next((times for times in known if _span(times) > 0), None)
 
 
 def _subtractable(times: npt.NDArray) -> npt.NDArray:
@@ -146,12 +147,12 @@ def _subtractable(times: npt.NDArray) -> npt.NDArray:
 
 def ring_column(columns: Columns) -> npt.NDArray[np.uint16] | None:
     """Return the (N,) beam of each point, None where there is none."""
-    return _ring(_first(_numbers(columns), _RING))
+    return _ring(_first(_numbers(columns), "ring"))
 
 
 def sensor_column(columns: Columns) -> npt.NDArray[np.int64] | None:
     """Return (N,) which of several merged LiDARs each point is from, None where no column of whole numbers says it."""
-    values = _ring(_first(_numbers(columns), _SENSOR))
+    values = _ring(_first(_numbers(columns), "sensor"))
     return None if values is None else values.astype(np.int64)
 
 
@@ -171,9 +172,8 @@ def _numbers(columns: Columns) -> Columns:
     return dict(zip(plain_names(list(numbers)), numbers.values(), strict=True))
 
 
-def _first(columns: Columns, names: tuple[str, ...]) -> npt.NDArray | None:
-    plain = {name.replace("_", ""): column for name, column in columns.items()}
-    return next((plain[name] for name in names if name in plain), None)
+def _first(columns: Columns, meaning: str) -> npt.NDArray | None:
+    return next((columns[name] for name in called(columns, meaning)), None)
 
 
 def is_measured(times: npt.NDArray) -> npt.NDArray[np.bool_]:

@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +18,10 @@ from automos.readers.name_stamps import stamps_from_names
 from automos.readers.times_beside import NAMES
 
 _SIDE_FILES = {*NAMES, "poses.txt", "calib.txt", "readme.txt", "requirements.txt"}
-TEXT = {".txt", ".csv", ".zip"}  # which may be anything
+TEXT = {".txt", ".csv", ".tsv", ".zip"}  # which may be anything
 
+_NUMBERS = re.compile(rb"(^|[\s,;|\"])([-+.\deE]+[\s,;|\"]+){2}[-+.\d]", re.M)
+"""Three in a line, as points have them."""
 _LONGEST_HEADER = 1 << 14
 """Bytes of a file that may be all header: longer ones hold points."""
 
@@ -31,6 +34,20 @@ def holds_point_files(folder: Path) -> bool:
 def holds_scans(folder: Path) -> bool:
     """Return whether any file of `folder` is a scan by its name alone; text may be anything."""
     return any(_suffix(name) not in TEXT for name in point_files(folder))
+
+
+def holds_tables(folder: Path) -> bool:
+    """Return whether any text of `folder` holds numbers as points have them, and is no note; or an archive lies there.
+
+    What cannot be read, or is empty, may be a table, which is told when it is opened.
+    """
+    for name in point_files(folder):
+        with suppress(OSError):
+            with open(folder / name, "rb") as file:
+                start = file.read(_LONGEST_HEADER)
+            if not start.strip() or _suffix(name) == ".zip" or b"\0" in start or _NUMBERS.search(start):
+                return True
+    return False
 
 
 def left_out_folders(source: Path, read: Path) -> list[str]:
@@ -76,6 +93,7 @@ def list_scans(folder: Path, codec: str | None = None) -> tuple[list[str], str, 
         raise InputError(f"{folder} mixes formats: {listed}; keep one kind, or name it with --format")
     _require_sound(names, folder)
     stamps = stamps_from_names([name[: -len(_suffix(name))] for name in names])
+    _require_one_series(names, stamps, folder)
     if stamps is not None:
         order = np.argsort(stamps)
         return [names[i] for i in order], CODEC_OF_SUFFIX[_suffix(names[0])], stamps[order]
@@ -145,6 +163,22 @@ def _require_sound(names: Sequence[str], folder: Path) -> None:
         twin = known.setdefault(os.path.splitext(name)[0], name)
         if twin != name:
             raise InputError(f"{folder} holds {twin} and {name}, whose labels would have one name; remove one of them")
+
+
+def _require_one_series(names: Sequence[str], stamps: npt.NDArray[np.float64] | None, folder: Path) -> None:
+    """Raise where names tell that some scans are another sensor's, or drive's: other words, and the same numbers."""
+    series: dict[str, list[tuple[float, str]]] = {}
+    for i, name in enumerate(names):
+        if numbers := re.findall(r"\d+", stem := name[: -len(_suffix(name))]):
+            at = float(numbers[-1]) if stamps is None else float(stamps[i])
+            series.setdefault(re.sub(r"(?<![A-Za-z])\d+", "", stem), []).append((at, name))
+    spans = sorted((min(found), max(found)) for found in series.values() if len(found) > 1)
+    for one, other in pairwise(spans):
+        if other[0][0] <= one[1][0]:
+            raise InputError(
+                f"{folder} holds scans of several sensors or drives, as their names tell ({one[0][1]}, {other[0][1]}); "
+                "put those of each into a folder of its own"
+            )
 
 
 def _require_no_folder(folder: Path, suffix: str) -> None:

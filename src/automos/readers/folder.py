@@ -35,8 +35,8 @@ from automos.readers.units import unit_of
 
 
 def find(path: Path) -> list[Path]:
-    """Return `path` if it is a folder that holds point files itself, else nothing."""
-    return [path] if path.is_dir() and files.holds_point_files(path) else []
+    """Return `path` if it is a folder that holds point files itself, of text such as have numbers, else nothing."""
+    return [path] if path.is_dir() and (files.holds_scans(path) or files.holds_tables(path)) else []
 
 
 class FolderSequence(Sequence):

@@ -18,6 +18,8 @@ from automos.readers.records import columns_of_field
 
 _POINTS = ("points", "point_cloud", "pointcloud", "pc", "cloud", "lidar", "scan", "xyzi", "xyz", "data", "arr_0")
 """What archives call the array of points, where they hold others, too."""
+_POSE = 4
+"""Rows and columns that a pose has, or what is known of a camera, which lies beside the points of some."""
 WIDEST = 2 * len(UNNAMED)
 """Columns that lie behind one another, at most: an array of more rows has a point in each."""
 
@@ -102,7 +104,13 @@ def _read_archive(path: Path) -> dict[str, npt.NDArray]:
             raise ValueError(f"its arrays unpack to more than {MAX_TEXT >> 20} MB")
         files = {file.removesuffix(".npy"): file for file in archive.zip.namelist()}
         arrays = {name: archive[name] for name in archive.files if _is_plain(archive.zip.open(files[name]))}
-    return {name: array[:, 0] if array.shape[1:] == (1,) else array for name, array in arrays.items()}
+    return {name: _flat(array) for name, array in arrays.items()}
+
+
+def _flat(array: npt.NDArray) -> npt.NDArray:
+    """Return an array of a number a point, (N, 1) or (1, N), as (N,), others as they are."""
+    is_flat = array.ndim == 2 and 1 in array.shape and array.shape[1] not in range(2, MAX_COLUMNS + 1)
+    return array.reshape(-1) if is_flat else array
 
 
 def _points_in(arrays: dict[str, npt.NDArray], path: Path) -> tuple[npt.NDArray | None, Columns]:
@@ -115,6 +123,7 @@ def _points_in(arrays: dict[str, npt.NDArray], path: Path) -> tuple[npt.NDArray 
         return None, {name: array for name, array in rows.items() if len(array) == n}
     clouds = [name for name, array in arrays.items() if array.ndim > 1 or array.dtype.names]
     named = [name for name in _POINTS if name in clouds]
+    clouds = clouds if named else [name for name in clouds if max(arrays[name].shape) > _POSE]
     if not named and len(clouds) != 1:
         raise InputError(f"{path} holds the arrays {', '.join(arrays) or 'none'}; call the one of points 'points'")
     return arrays[(named or clouds)[0]], rows

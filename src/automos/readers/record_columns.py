@@ -43,6 +43,8 @@ _ALIKE = 0.3
 """Correlation of the coordinates of a point with those of the next."""
 _SAME = 0.6
 """Correlation of all coordinates with each other from which they are those of one axis, of points side by side."""
+_LINES = 64
+"""Beams of sensors whose beams cross, at most."""
 _BEAMS = 1024
 """More than any sensor has."""
 
@@ -130,8 +132,8 @@ def _is_of(points: npt.NDArray) -> bool:
 
 
 def _is_line(values: npt.NDArray, xyz: npt.NDArray[np.float64]) -> bool:
-    """Return whether (N,) `values` may be of beams that cross: a byte of something else is the same everywhere."""
-    return len(np.unique(values)) > 1
+    """Return whether (N,) `values` may be of beams that cross: bytes of something else are the same, or very many."""
+    return 1 < len(np.unique(values)) <= _LINES
 
 
 def _rest_of(
@@ -154,7 +156,8 @@ def _rest_of(
                 name = _name_of(_field(rows, at, form), form, xyz, {name for name, _ in found} | {*taken})
                 if name is not None and (width <= own or name == "time") and (name != "_" or best == nothing):
                     best = (name, form)
-        if best == nothing and is_packed and at == 3 * own and len(np.unique(rows[:, at])) > 1:
+        is_next = at == 3 * own or (at == 3 * own + 1 and order == ">")  # of two bytes, the lower one
+        if best == nothing and is_packed and is_next and len(np.unique(rows[:, at])) > 1:
             best = ("intensity", f"{order}u1")  # what drivers write there
         found.append(best)
         at += np.dtype(best[1]).itemsize
@@ -173,6 +176,8 @@ def _name_of(values: npt.NDArray, kind: str, xyz: npt.NDArray[np.float64], taken
         return "time"
     if kind[1] != "f" or not are_lengths(values):
         return None
+    if np.isclose(values, np.linalg.norm(xyz, axis=1), rtol=1e-3, atol=0.01).mean() > SHARE:
+        return "_"  # the range, which says nothing that x, y and z do not
     return "intensity" if "intensity" not in taken and (values >= 0).mean() > SHARE else "_"
 
 

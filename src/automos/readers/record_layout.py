@@ -48,10 +48,11 @@ def find_columns(paths: Sequence[Path]) -> str:
         raise InputError(_unknown(paths, sizes, []))
     gain = {size: pooled - _code_length(_rows(pool, size)) for size in fitting}
     best = max(fitting, key=gain.__getitem__)
-    smaller = [size for size in range(_SIZES[0], best, 4) if best % size]
+    likely = [size for size in fitting if gain[size] >= _AS_GOOD * gain[best]]
+    least = next(size for size in likely if best % size == 0)
+    smaller = [size for size in range(_SIZES[0], best, 4) if best % size and size % least]
     if any(pooled - _code_length(_rows(pool, size)) > gain[best] for size in smaller):  # behind a header, or cut
         raise InputError(_unknown(paths, sizes, []))
-    likely = [size for size in fitting if gain[size] >= _AS_GOOD * gain[best]]
     size = next(s for s in fitting if best % s == 0 and (s in likely or is_several(_rows(pool, best), s)))
     rivals = [size, *(other for other in likely if other % size and size % other)]
     found = [columns for rival in rivals if (columns := columns_of(_rows(pool, rival))) is not None]

@@ -11,7 +11,7 @@ from automos.core.errors import InputError
 from automos.core.pose_files import lines_of_scans
 from automos.core.reading import is_there, read_text
 from automos.core.scan import LATEST
-from automos.readers.column_names import is_time
+from automos.readers.column_names import is_time, parts_of_clock
 from automos.readers.time_order import seconds_of, usual_step
 
 NAMES = [f"{stem}.{suffix}" for suffix in ("txt", "csv") for stem in ("times", "timestamps", "time", "timestamp")]
@@ -19,7 +19,6 @@ NAMES = [f"{stem}.{suffix}" for suffix in ("txt", "csv") for stem in ("times", "
 _SLOWEST = 40.0, 5.0
 """Seconds between scans from which whole numbers are none of seconds, and at most, of a smaller unit."""
 _DAY = re.compile(r"(\d{4}-\d\d-\d\d)[ T]+(?=\d\d:)")
-_SECONDS, _NANOSECONDS = re.compile(r"(.*[._])?s(ec(ond)?s?)?"), re.compile(r"(.*[._])?n(ano)?s(ec(ond)?s?)?")
 
 
 def times_file(*folders: Path) -> Path:
@@ -81,10 +80,9 @@ def _times_in(head: Sequence[str], columns: Sequence[Sequence[str]]) -> npt.NDAr
         for i, one in enumerate(columns)
         if None not in (told := [_seconds(cell) for cell in one])
     }
-    whole = next((i for i in known if head and _SECONDS.fullmatch(head[i])), None)
-    parts = next((i for i in known if head and _NANOSECONDS.fullmatch(head[i])), None)
-    if whole is not None and parts is not None:
-        return known[whole] + 1e-9 * known[parts]
+    if parts := parts_of_clock({head[i]: i for i in known} if head else ()):
+        whole, rest = (known[head.index(name)] for name in parts)
+        return whole + 1e-9 * rest
     clocks = [
         i for i, times in known.items() if (steps := np.diff(times)).min(initial=1.0) > 0.0 and (steps != 1.0).any()
     ]

@@ -4,9 +4,10 @@ What a LiDAR sees lies between a step and a few hundred metres around it, some o
 begin near the origin are not metres; the unit under which they are those of a LiDAR is taken instead, with a warning.
 Coordinates of a map are in metres: they are far away from its origin, all of them, or as dense there as anywhere.
 
-Ranges and angles are no coordinates. What is seen in nearly one direction is mostly one thing, of one range: numbers
-of which one goes through a whole turn, and which have that property about as much where they are read as range, azimuth
-and elevation, in some order, are these; of a narrower view, those that have it clearly more.
+Ranges and angles are no coordinates. A sensor that turns measures as often in each direction, while coordinates are
+densest where it is: numbers of which one goes evenly through a whole turn are range, azimuth and elevation, or angle
+from above, in some order. So are others that have this property of ranges about as much, if read so, as they stand, or
+of a narrower view clearly more: what is seen in nearly one direction is mostly one thing.
 """
 
 from itertools import permutations, product
@@ -26,6 +27,9 @@ NEAREST = 30.0
 """Metres within which every LiDAR sees at least one in twenty."""
 _ASKED, _AMONG = 2000, 20_000
 """Points whose range is compared, with one among so many."""
+_EVEN, _SECTORS = 0.97, 36
+"""Share of the entropy that directions may have, counted in so many, from which all are alike: of sensors outdoors they
+have 0.985 and more, and coordinates 0.94 at most."""
 _NEARLY = 0.05
 """Share of a turn by which measured azimuths may miss it or go beyond."""
 _AS_SMOOTH = 2.0
@@ -64,15 +68,19 @@ def are_angles(cloud: npt.NDArray[np.floating], turns: bool = False) -> bool:
     known = cloud[np.isfinite(cloud).all(axis=1) & cloud.any(axis=1)].astype(np.float64)
     known = known[np.random.default_rng(0).permutation(len(known))[:_AMONG]]
     spread: float | None = None
-    for order, turn in product(permutations(range(3)), (np.pi, 180.0)):
+    for order, turn, from_above in product(permutations(range(3)), (np.pi, 180.0), (False, True)):
         away, around, up = known[:, order].T
         width = np.ptp(around) / (2.0 * turn) if len(known) >= MIN_POINTS else np.inf
         is_narrow = width < 1.0 - _NEARLY
         is_far = np.abs(around).max(initial=0.0) > 2.0 * turn  # as places on a map are
         if width > 1.0 + _NEARLY or (is_narrow and (turns or is_far or 2 * len(known) < _ASKED)):
             continue
-        if away.min() < 0.0 or not away.any() or np.abs(up).max() > 0.5 * turn:
+        up = 0.5 * turn - up if from_above else up
+        is_steep = abs(np.median(up)) > 0.25 * turn
+        if away.min() < 0.0 or not away.any() or np.abs(up).max() > 0.5 * turn or (from_above and is_steep):
             continue
+        if not is_narrow and _evenness(around) > _EVEN:
+            return True
         around, up = around * np.pi / turn, up * np.pi / turn
         level = away * np.cos(up)
         polar = np.column_stack([level * np.cos(around), level * np.sin(around), away * np.sin(up)])
@@ -80,6 +88,13 @@ def are_angles(cloud: npt.NDArray[np.floating], turns: bool = False) -> bool:
         if _spread_of_ranges(polar) < (1.0 / _CLEARLY if is_narrow else _AS_SMOOTH) * spread:
             return True
     return False
+
+
+def _evenness(around: npt.NDArray[np.float64]) -> float:
+    """Return which share of the entropy that they may have the directions (N,) have: 1 where all are as frequent."""
+    count = np.histogram(around, _SECTORS)[0]
+    share = count[count > 0] / len(around)
+    return float(-np.sum(share * np.log(share)) / np.log(_SECTORS))
 
 
 def _spread_of_ranges(cloud: npt.NDArray[np.float64]) -> float:

@@ -100,9 +100,10 @@ class ZippedSequence(OwnSequence):
             needed, room = sum(member.file_size for member in archive.infolist()), shutil.disk_usage(place.parent).free
             if needed > 0.9 * room:
                 raise InputError(f"{path} unpacks to {needed >> 20} MB, and {place.parent} has room for {room >> 20}")
-            archive.extractall(
-                place, [member for member in archive.infolist() if not member.filename.startswith(_MACS)]
-            )
+            members = [member for member in archive.infolist() if not member.filename.startswith(_MACS)]
+            for member in members:
+                member.filename = member.filename.replace("\\", "/")  # as some programs divide folders
+            archive.extractall(place, members)
 
     @property
     def address(self) -> Path:

@@ -274,6 +274,29 @@ def test_a_capture_of_the_beginnings_of_packets_is_told(tmp_path):
         open_sequence(path)
 
 
+def test_fragments_are_told(tmp_path):
+    (frame,) = [udp(packet) for _, packet in data_packets(*room(n_packets=1))]
+    datagram = frame[34:]
+    heads = [bytearray(frame[14:34]), bytearray(frame[14:34])]
+    parts = [datagram[:600], datagram[600:]]
+    for head, part, flags in zip(heads, parts, (0x2000, 600 // 8), strict=True):
+        struct.pack_into(">H", head, 2, 20 + len(part))
+        struct.pack_into(">H", head, 6, flags)
+    full = (HOUR - 1.0, frame)
+    sent = [(HOUR, frame[:14] + bytes(head) + part) for head, part in zip(heads, parts, strict=True)]
+    with pytest.raises(InputError, match=r"the beginning of its packets .* sent in fragments; .* MTU above their size"):
+        open_sequence(write_pcap(tmp_path / "drive.pcap", [full, *sent]))
+
+
+def test_a_capture_that_goes_on_in_another_is_told(tmp_path):
+    packets = data_packets(*room(n_packets=900))
+    for name, part in (("a_1", packets[:450]), ("a_2", packets[450:]), ("other", [])):
+        capture(tmp_path / f"{name}.pcap", part)
+    first, second = (open_sequence(tmp_path / f"a_{k}.pcap") for k in (1, 2))
+    assert [said for said in first.warnings if "a_2.pcap goes on where it ends" in said and "mergecap -a" in said]
+    assert not [said for said in second.warnings if "goes on" in said]
+
+
 def test_a_capture_of_another_kind_is_told(tmp_path):
     path = tmp_path / "drive.pcap"
     path.write_bytes(b"no packets at all, but text")

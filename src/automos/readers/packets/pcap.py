@@ -89,8 +89,8 @@ class Capture:
             yield Datagrams(start + records, at_every_byte[places], seconds, senders)
             if not is_whole:
                 raise InputError(
-                    f"{self.path} holds only the beginning of its packets (byte {start + end}); record it again with "
-                    "whole ones: tcpdump -s 0"
+                    f"{self.path} holds only the beginning of its packets (byte {start + end}), cut by its recorder or "
+                    "sent in fragments; record it again with whole ones: tcpdump -s 0, and an MTU above their size"
                 )
             is_last = start + len(data) == stop
             if end < len(data) and (stop == self.size if is_last else end == 0):

@@ -6,6 +6,7 @@ port, as if the file were a folder: `drive.pcap/192.168.1.201-2368`.
 """
 
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,9 @@ from automos.readers.sensor_choice import SensorSequence, choose_sensor, is_capt
 
 _TOLD_WITHIN = (0, 1 << 24)
 """The part of a capture that is searched for what a sensor says of its beams: 16 MB are more than a second."""
+
+_BEGINNING, _PAUSE = (0, 1 << 18), 1.0
+"""The part of another capture that shows when it begins, and seconds from the last scan to it, in one drive."""
 
 
 def open_file(path: Path) -> Capture | LvxFile:
@@ -90,8 +94,21 @@ class PacketSequence(SensorSequence):
 
     @property
     def warnings(self) -> list[str]:
-        """What is assumed of the sensor's beams."""
-        return list(self._decoder.warnings)
+        """What is assumed of the sensor's beams, and which other captures seem to be parts of the same drive."""
+        return [*self._decoder.warnings, *self._going_on()]
+
+    def _going_on(self) -> Iterator[str]:
+        """Yield what to say of captures beside this one that begin where it ends, as recorders split them."""
+        beside = (path for path in self.source.parent.iterdir() if is_capture(path) and path != self.source)
+        for other in sorted(beside) if isinstance(self._file, Capture) else ():
+            with suppress(InputError):  # told when that one is opened
+                pieces = find_packets(open_capture(other), self._layout, *_BEGINNING)
+                seconds = np.concatenate([np.zeros(0), *(p.seconds[p.senders == self._sender] for p in pieces)])
+                if len(seconds) and 0.0 <= seconds[0] - self._stamps[-1] <= _PAUSE:
+                    yield (
+                        f"{self.source}: {other.name} goes on where it ends; join both if they are of one drive "
+                        f"(mergecap -a -w whole.pcap {self.source.name} {other.name}) and label that."
+                    )
 
     def _files(self) -> list[Path]:
         return [self.source, *filter(is_there, [table_beside(self.source, self._layout)])]
