@@ -17,7 +17,7 @@ from automos.odometry.motion import MIN_STEP, step_twists
 from automos.odometry.submap import NOISE, Fit, Submap, fit_surfels, make_submap
 from automos.odometry.surfels import Surfels, scan_surfels
 from automos.odometry.sweep_timing import SweepTiming
-from automos.odometry.window import Window, is_moved, small_motion
+from automos.odometry.window import SAME_SURFACE, Window, is_moved, small_motion
 from automos.settings import OdometrySettings
 
 MIN_MATCHED = 15
@@ -181,7 +181,7 @@ class Links:
         if center not in self._submaps:
             return True
         then = self._submaps[center][0]
-        return len(then) < len(parts) or bool(is_moved(then[-len(parts) :], parts).any())
+        return len(then) < len(parts) or bool(is_moved(then[-len(parts) :], parts, SAME_SURFACE).any())
 
 
 def share_close(fits: list[Fit]) -> float:

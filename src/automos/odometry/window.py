@@ -13,17 +13,17 @@ from automos.odometry.submap import NOISE
 from automos.odometry.surfels import Surfels
 
 SAME_POSE = NOISE / 10.0
-"""Metres within which poses are the same, a tenth of a surfel's noise: iterations end."""
+"""Metres within which poses are the same, a tenth of a surfel's noise: iterations end, and what fitted still does."""
 SAME_SURFACE = NOISE / 3.0
-"""Metres by which scans move on surfaces that stay what they are: what was computed holds to first order."""
+"""Metres by which scans move on a submap that stays what it is."""
 NEAR = 15.0
 """Metres, distance of typical walls: weight of a rotation relative to a translation."""
 
 
-def is_moved(T: Pose, T_now: Pose) -> Mask:
-    """Return (...,) whether poses (..., 4, 4) differ by more than what was computed at one holds at the other."""
+def is_moved(T: Pose, T_now: Pose, limit: float = SAME_POSE) -> Mask:
+    """Return (...,) whether poses (..., 4, 4) differ by more than `limit`, metres."""
     turned = np.abs(T_now[..., :3, :3] - T[..., :3, :3]).max(axis=(-2, -1))
-    return np.linalg.norm(T_now[..., :3, 3] - T[..., :3, 3], axis=-1) + NEAR * turned > SAME_SURFACE
+    return np.linalg.norm(T_now[..., :3, 3] - T[..., :3, 3], axis=-1) + NEAR * turned > limit
 
 
 def small_motion(T: Pose, T_now: Pose) -> Array:
