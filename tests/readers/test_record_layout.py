@@ -95,8 +95,8 @@ def test_columns_are_those_that_were_written(tmp_path, scans, spelled, is_even):
 @pytest.mark.parametrize(
     ("spelled", "dtype"),
     [
-        ("x:>f4,y,z,_:u1,intensity:u1", [*((axis, ">f4") for axis in "xyz"), ("intensity", ">u2")]),
-        ("x:>f8,y,z,_:u1,intensity:u1", [*((axis, ">f8") for axis in "xyz"), ("intensity", ">u2")]),
+        ("x:>f4,y,z,intensity:>u2", [*((axis, ">f4") for axis in "xyz"), ("intensity", ">u2")]),
+        ("x:>f8,y,z,intensity:>u2", [*((axis, ">f8") for axis in "xyz"), ("intensity", ">u2")]),
         ("x,y,z,intensity:u1,_:V1,_:V1", [*XYZ, ("intensity", "u1"), ("green", "u1"), ("blue", "u1")]),
     ],
 )
@@ -112,6 +112,15 @@ def test_an_intensity_of_whole_numbers_is_found_in_either_byte_order_and_colours
     for scan, one in zip(sequence, bright, strict=True):
         np.testing.assert_array_equal(scan.intensity, one["intensity"])
         assert scan.ring is None
+
+
+@pytest.mark.parametrize("coordinates", ["<f4", ">f4", "<f8", ">f8"])
+def test_both_bytes_of_an_intensity_count(tmp_path, scans, coordinates):
+    bright = [{**one, "intensity": (60 * np.linalg.norm(points_of(one), axis=1)).astype(np.uint16)} for one in scans]
+    dtype = np.dtype([*((axis, coordinates) for axis in "xyz"), ("intensity", coordinates[0] + "u2")])
+    sequence = open_sequence(write(tmp_path, dtype, bright))
+    for scan, one in zip(sequence, bright, strict=True):
+        np.testing.assert_array_equal(scan.intensity, one["intensity"])
 
 
 @pytest.mark.parametrize("ring", [[], [("ring", "<f4")], [("ring", "<u2")]], ids=["none", "floats", "two bytes"])

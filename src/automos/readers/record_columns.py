@@ -156,12 +156,31 @@ def _rest_of(
                 name = _name_of(_field(rows, at, form), form, xyz, {name for name, _ in found} | {*taken})
                 if name is not None and (width <= own or name == "time") and (name != "_" or best == nothing):
                     best = (name, form)
-        is_next = at == 3 * own or (at == 3 * own + 1 and order == ">")  # of two bytes, the lower one
-        if best == nothing and is_packed and is_next and len(np.unique(rows[:, at])) > 1:
-            best = ("intensity", f"{order}u1")  # what drivers write there
+        is_byte = best in (nothing, ("_", f"{order}u1"))
+        if is_byte and is_packed and at == 3 * own and (whole := _byte_or_two(rows[:, at:], order)):
+            best = ("intensity", whole)  # what drivers write there
         found.append(best)
         at += np.dtype(best[1]).itemsize
     return found
+
+
+def _byte_or_two(rows: Rows, order: str) -> str | None:
+    """Return the type of a whole number at the start of (N, S) `rows`, of one byte or both; None if it never changes.
+
+    Of two bytes the lower one jumps whenever it has gone round: both together go on more evenly.
+    """
+    if rows.shape[1] == 2:
+        both = _field(rows, 0, f"{order}u2")
+        upper, lower = both >> 8, both & 0xFF
+        is_padded = order == ">" and not upper.any() and np.ptp(lower) > 0
+        if is_padded or (np.ptp(upper) and np.ptp(lower) and _evenness(both) > _evenness(lower)):
+            return f"{order}u2"
+    return f"{order}u1" if np.ptp(rows[:, 0]) else None
+
+
+def _evenness(values: npt.NDArray) -> float:
+    """Return the correlation of (N,) `values` with the next ones."""
+    return float(np.corrcoef(values[1:], values[:-1])[0, 1])
 
 
 def _name_of(values: npt.NDArray, kind: str, xyz: npt.NDArray[np.float64], taken: set[str]) -> str | None:

@@ -204,9 +204,9 @@ def _peaks(elevation: npt.NDArray[np.float64]) -> int:
     """Return at how many of (N,) elevations in degrees, of one direction, points lie together."""
     from scipy.signal import find_peaks
 
-    count, _ = np.histogram(elevation, np.arange(-_STEEPEST, _STEEPEST, _FINE))
-    smooth = np.convolve(count, [0.25, 0.5, 0.25], "same")
-    return len(find_peaks(smooth, prominence=max(0.25 * np.median(smooth[smooth > 0] if any(smooth) else 0), 3.0))[0])
+    smooth = np.convolve(np.histogram(elevation, np.arange(-_STEEPEST, _STEEPEST, _FINE))[0], [0.25, 0.5, 0.25], "same")
+    usual = np.median(smooth[smooth > 0]) if smooth.any() else 0.0
+    return len(find_peaks(smooth, prominence=max(0.25 * usual, 3.0))[0])
 
 
 def _sensor_like(found: Check) -> Sensor | None:
