@@ -45,7 +45,8 @@ def holds_tables(folder: Path) -> bool:
         with suppress(OSError):
             with open(folder / name, "rb") as file:
                 start = file.read(_LONGEST_HEADER)
-            if not start.strip() or _suffix(name) == ".zip" or b"\0" in start or _NUMBERS.search(start):
+            is_one_line = len(start) == _LONGEST_HEADER and b"\n" not in start  # so many names of columns
+            if not start.strip() or _suffix(name) == ".zip" or b"\0" in start or is_one_line or _NUMBERS.search(start):
                 return True
     return False
 
