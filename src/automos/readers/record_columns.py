@@ -173,12 +173,12 @@ def _byte_or_two(rows: Rows, order: str) -> str | None:
         both = _field(rows, 0, f"{order}u2")
         upper, lower = both >> 8, both & 0xFF
         is_padded = order == ">" and not upper.any() and np.ptp(lower) > 0
-        if is_padded or (np.ptp(upper) and np.ptp(lower) and _evenness(both) > _evenness(lower)):
+        if is_padded or (np.ptp(upper) and np.ptp(lower) and _likeness(both) > _likeness(lower)):
             return f"{order}u2"
     return f"{order}u1" if np.ptp(rows[:, 0]) else None
 
 
-def _evenness(values: npt.NDArray) -> float:
+def _likeness(values: npt.NDArray) -> float:
     """Return the correlation of (N,) `values` with the next ones."""
     return float(np.corrcoef(values[1:], values[:-1])[0, 1])
 

@@ -66,8 +66,7 @@ class Queue:
     # ------------------------------------------------------------------------------------------------------ the rows
     def _row_of_track(self, track: int) -> dict[str, Any]:
         tracks, verdicts = self._stages.tracks, self._stages.verdicts
-        of_track = tracks.rows_of(track)
-        rows = np.arange(of_track.start, of_track.stop)
+        rows = np.r_[tracks.rows_of(track)]
         seen = rows[tracks.is_observed[rows]] if tracks.is_observed[rows].any() else rows
         ends = tracks.center[seen[[0, -1]], :2]
         return {

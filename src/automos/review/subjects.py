@@ -38,8 +38,7 @@ class Subject:
 def subject_of_track(stages: RunStages, track: int) -> Subject:
     """Return `track` (index, from 0), where it was observed, or followed if it never was."""
     tracks = stages.tracks
-    of_track = tracks.rows_of(track)
-    rows = np.arange(of_track.start, of_track.stop)
+    rows = np.r_[tracks.rows_of(track)]
     seen = rows[tracks.is_observed[rows]]
     rows = seen if len(seen) else rows
     boxes = np.column_stack([tracks.center[rows], tracks.size[rows], tracks.yaw[rows]])

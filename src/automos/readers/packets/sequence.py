@@ -95,20 +95,24 @@ class PacketSequence(SensorSequence):
     @property
     def warnings(self) -> list[str]:
         """What is assumed of the sensor's beams, and which other captures seem to be parts of the same drive."""
-        return [*self._decoder.warnings, *self._going_on()]
+        return [*self._decoder.warnings, *self._going_on]
 
-    def _going_on(self) -> Iterator[str]:
-        """Yield what to say of captures beside this one that begin where it ends, as recorders split them."""
-        beside = (path for path in self.source.parent.iterdir() if is_capture(path) and path != self.source)
-        for other in sorted(beside) if isinstance(self._file, Capture) else ():
+    @cached_property
+    def _going_on(self) -> list[str]:
+        """What to say of captures beside this one that begin where it ends, as recorders split them."""
+        if not isinstance(self._file, Capture):
+            return []
+        found: list[str] = []
+        for other in sorted(p for p in self.source.parent.iterdir() if is_capture(p) and p != self.source):
             with suppress(InputError):  # told when that one is opened
                 pieces = find_packets(open_capture(other), self._layout, *_BEGINNING)
                 seconds = np.concatenate([np.zeros(0), *(p.seconds[p.senders == self._sender] for p in pieces)])
                 if len(seconds) and 0.0 <= seconds[0] - self._stamps[-1] <= _PAUSE:
-                    yield (
+                    found.append(
                         f"{self.source}: {other.name} goes on where it ends; join both if they are of one drive "
                         f"(mergecap -a -w whole.pcap {self.source.name} {other.name}) and label that."
                     )
+        return found
 
     def _files(self) -> list[Path]:
         return [self.source, *filter(is_there, [table_beside(self.source, self._layout)])]
