@@ -10,7 +10,7 @@ from automos.core.upright_boxes import iou_3d, points_in_boxes
 from automos.evaluation.trajectory import path_length
 from automos.odometry.estimate import estimate_trajectory
 from automos.settings import load_settings
-from automos.simulation.annotations import upright_boxes
+from automos.simulation.truth import upright_boxes
 
 N_SCANS = 100
 VEHICLES = {"car", "van", "truck", "trailer", "bus", "tram"}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from automos.simulation.shapes import people, vegetation, vehicles
+from automos.simulation.shapes import furniture, people, vehicles
 from automos.simulation.shapes.materials import SURFACES, Material
 from automos.simulation.shapes.mesh import Section, box, join, loft, rod
 
@@ -53,7 +53,7 @@ def test_cars_have_glass_tyres_and_plates():
 def test_foliage_lets_some_beams_through_and_stops_others():
     from automos.simulation.sensing.scene import Scene
 
-    bush = Scene(vegetation.make_bush(np.random.default_rng(0), 1.0, 1.5), 0)
+    bush = Scene(furniture.make_bush(np.random.default_rng(0), 1.0, 1.5), 0)
     y, z = np.meshgrid(np.linspace(-0.5, 0.5, 40), np.linspace(0.3, 1.2, 40))
     origin = np.column_stack([np.full(y.size, -5.0), y.ravel(), z.ravel()]).astype(np.float32)
     direction = np.tile(np.array([1.0, 0.0, 0.0], np.float32), (len(origin), 1))

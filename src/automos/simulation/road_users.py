@@ -184,3 +184,30 @@ def drive_and_park(
         if add_agent(site, agent):
             for behind in (0.0, 5.0, 10.0):
                 site.reserve(*lane.at(s - behind, -aside)[0])
+
+
+def park_row(
+    site: Site,
+    path: Path,
+    offset: float,
+    fill: float,
+    crosswise: bool = False,
+    start: float = 0.0,
+    vans: float = 0.08,
+) -> None:
+    """Park cars, and `vans` of them vans, `offset` metres left of a path, taking the share `fill` of the places."""
+    rng = site.rng
+    pitch = 2.6 if crosswise else 6.2
+    s = start + rng.uniform(1.0, 4.0)
+    side = np.sign(offset) or 1.0
+    while s < path.length - 3.0:
+        (x, y), heading = path.at(s, offset + rng.normal(0.0, 0.08))
+        (ax, ay), _ = path.at([s - 4.5, s + 4.5], offset)
+        distances = site.terrain.road_distance(np.array([(ax[0], ax[1]), (ay[0], ay[1]), (x, y)]))
+        at_kerb = np.ptp(distances) < 0.8  # a junction mouth is no place to park
+        if rng.random() < fill and at_kerb and site.is_free(float(x), float(y), 2.5):
+            thing = vehicles.make_van(rng) if rng.random() < vans else vehicles.make_car(rng)
+            turn = side * 0.5 * np.pi if crosswise else 0.0
+            flip = np.pi if rng.random() < (0.5 if crosswise else 0.0) or (side > 0 and not crosswise) else 0.0
+            site.park(thing, float(x), float(y), float(heading) + turn + flip + rng.normal(0.0, 0.02))
+        s += pitch * rng.uniform(0.97, 1.15)

@@ -1,12 +1,16 @@
-"""Furnishing a road with what is built: houses, walls, lamps, signs, bridges, parked cars.
+"""Furnishing a road: houses, walls, lamps, signs, bridges, and what grows beside it.
 
 Each function walks along a path and sets up one kind of thing at given or random spacings, wherever no carriageway is
-in the way.
+in the way. Of what grows, a few shapes are made and used many times.
 """
+
+from collections.abc import Callable, Iterator
+from functools import cache, partial
 
 import numpy as np
 
-from automos.simulation.shapes import buildings, furniture, people, vehicles
+from automos.simulation.shapes import buildings, furniture, people
+from automos.simulation.shapes.mesh import Mesh
 from automos.simulation.traffic.paths import Path, through
 from automos.simulation.world import Site
 
@@ -77,10 +81,24 @@ def place_houses(site: Site, path: Path, offset: float, spacing: tuple[float, fl
             site.add(fence, float(front[0]), float(front[1]), turn)
 
 
+def place_row(
+    site: Site,
+    path: Path,
+    side: float,
+    offset: float,
+    spacing: tuple[float, float],
+    clearance: float,
+    make: Callable[[], Mesh],
+) -> None:
+    """Set up one kind of thing that looks towards the road from one `side` (+1 left, -1 right) of it."""
+    for x, y, heading in along(site, path, side * offset, spacing, clearance):
+        site.add(make(), x, y, heading if side > 0 else heading + np.pi)
+
+
 def place_lamps(site: Site, path: Path, side: float, offset: float, spacing: float = 28.0) -> None:
     """Set up street lamps whose arms reach over the road."""
-    for x, y, heading in along(site, path, side * offset, (0.9 * spacing, 1.1 * spacing), 0.2):
-        site.add(furniture.make_lamp(site.rng), x, y, heading if side > 0 else heading + np.pi)
+    make = partial(furniture.make_lamp, site.rng)
+    place_row(site, path, side, offset, (0.9 * spacing, 1.1 * spacing), 0.2, make)
 
 
 def place_clutter(
@@ -103,33 +121,6 @@ def place_clutter(
             site.add(makers[int(rng.integers(len(makers)))](), x, y, heading if side > 0 else heading + np.pi)
 
 
-def park_row(
-    site: Site,
-    path: Path,
-    offset: float,
-    fill: float,
-    crosswise: bool = False,
-    start: float = 0.0,
-    vans: float = 0.08,
-) -> None:
-    """Park cars, and `vans` of them vans, `offset` metres left of a path, taking the share `fill` of the places."""
-    rng = site.rng
-    pitch = 2.6 if crosswise else 6.2
-    s = start + rng.uniform(1.0, 4.0)
-    side = np.sign(offset) or 1.0
-    while s < path.length - 3.0:
-        (x, y), heading = path.at(s, offset + rng.normal(0.0, 0.08))
-        (ax, ay), _ = path.at([s - 4.5, s + 4.5], offset)
-        distances = site.terrain.road_distance(np.array([(ax[0], ax[1]), (ay[0], ay[1]), (x, y)]))
-        at_kerb = np.ptp(distances) < 0.8  # a junction mouth is no place to park
-        if rng.random() < fill and at_kerb and site.is_free(float(x), float(y), 2.5):
-            thing = vehicles.make_van(rng) if rng.random() < vans else vehicles.make_car(rng)
-            turn = side * 0.5 * np.pi if crosswise else 0.0
-            flip = np.pi if rng.random() < (0.5 if crosswise else 0.0) or (side > 0 and not crosswise) else 0.0
-            site.park(thing, float(x), float(y), float(heading) + turn + flip + rng.normal(0.0, 0.02))
-        s += pitch * rng.uniform(0.97, 1.15)
-
-
 def add_viaduct(site: Site, path: Path, at: float, clearance: float, span: float, clear_of: float) -> tuple[Path, Path]:
     """Bridge the road at arc length `at` and return the two lanes over the bridge."""
     (x, y), heading = path.at(at)
@@ -142,3 +133,102 @@ def add_viaduct(site: Site, path: Path, at: float, clearance: float, span: float
     deck = foot + clearance + furniture.DECK_THICKNESS
     right, left = (Path(lane.xy, deck - site.terrain.base(lane.xy)) for lane in lanes)
     return right, left
+
+
+CAR = 2.4
+"""Metres around the middle of a standing thing that nothing grows in."""
+
+
+@cache
+def _tree_templates() -> tuple[Mesh, ...]:
+    rng = np.random.default_rng([0, 3])
+    return tuple(furniture.make_tree(rng, rng.uniform(6.0, 12.0)) for _ in range(8))
+
+
+def a_tree(site: Site) -> Mesh:
+    """Return a tree: one of a few grown shapes, turned and stretched at random."""
+    rng = site.rng
+    tree = _tree_templates()[int(rng.integers(8))]
+    scale = rng.uniform(0.8, 1.2)
+    return tree.scaled((scale, scale, scale * rng.uniform(0.9, 1.1))).moved(yaw=rng.uniform(0, 2 * np.pi))
+
+
+def place_trees(
+    site: Site,
+    path: Path,
+    offset: float,
+    spacing: tuple[float, float],
+    clearance: float = 0.7,
+    sway: float = 0.0,
+) -> None:
+    """Plant trees along a path; with `sway` (radians) they rock in the wind."""
+    for x, y, _ in along(site, path, offset, spacing, clearance):
+        if site.is_free(x, y, CAR):
+            _plant(site, a_tree(site), x, y, sway)
+
+
+def _plant(site: Site, plant: Mesh, x: float, y: float, sway: float) -> None:
+    if sway > 0:
+        site.sway(plant, x, y, sway)
+    else:
+        site.add(plant, x, y)
+
+
+def _between(
+    site: Site, path: Path, offsets: tuple[float, float], spacing: tuple[float, float]
+) -> Iterator[tuple[float, float]]:
+    """Yield places (x, y) at random between two offsets (metres left of the path)."""
+    for x, y, heading in along(site, path, 0.0, spacing, -np.inf):
+        off = site.rng.uniform(min(offsets), max(offsets))
+        yield x - off * np.sin(heading), y + off * np.cos(heading)
+
+
+def scatter_bushes(
+    site: Site, path: Path, offsets: tuple[float, float], spacing: tuple[float, float], sway: float = 0.0
+) -> None:
+    """Scatter bushes between two offsets (metres left of the path)."""
+    for x, y in _between(site, path, offsets, spacing):
+        radius = site.rng.uniform(0.4, 1.3)
+        if site.terrain.road_distance(np.array([[x, y]]))[0] >= radius + 0.5 and site.is_free(x, y, radius + CAR):
+            bush = furniture.make_bush(site.rng, radius, radius * site.rng.uniform(1.0, 1.9))
+            _plant(site, bush, x, y, sway)
+
+
+def place_thickets(
+    site: Site, path: Path, offsets: tuple[float, float], spacing: tuple[float, float], heights: tuple[float, float]
+) -> None:
+    """Grow tall shrubs between two offsets: the edge of a wood."""
+    rng = site.rng
+    templates = [furniture.make_thicket(rng, 0.35 * h + 0.3, h) for h in rng.uniform(*heights, 8)]
+    for x, y in _between(site, path, offsets, spacing):
+        if site.terrain.road_distance(np.array([[x, y]]))[0] > 2.5 and site.is_free(x, y, 1.5 + CAR):
+            site.add(templates[int(rng.integers(8))].scaled(rng.uniform(0.8, 1.2)), x, y, rng.uniform(0, 2 * np.pi))
+
+
+def scatter_tufts(site: Site, path: Path, offsets: tuple[float, float], per_metre: float) -> None:
+    """Scatter high grass between two offsets."""
+    rng = site.rng
+    templates = [furniture.make_tuft(rng, rng.uniform(0.3, 0.9), rng.uniform(0.15, 0.6)) for _ in range(12)]
+    n = int(per_metre * path.length)
+    xy, _ = path.at(rng.uniform(0, path.length, n), rng.uniform(min(offsets), max(offsets), n))
+    free = site.terrain.road_distance(xy) > 1.0
+    for (x, y), z in zip(xy[free], site.terrain.height(xy[free]), strict=True):
+        if site.is_free(x, y, CAR):
+            site.add(templates[int(rng.integers(len(templates)))], x, y, rng.uniform(0, 2 * np.pi), z=z)
+
+
+def place_hedges(site: Site, path: Path, offset: float, share: float) -> None:
+    """Plant clipped hedges along a `share` of a path."""
+    rng = site.rng
+    s = rng.uniform(0.0, 20.0)
+    while s < path.length - 8.0:
+        length = rng.uniform(5.0, 8.0)
+        if rng.random() < share:
+            (ends, _), height = path.at([s, s + 0.5 * length, s + length], offset), rng.uniform(0.8, 2.0)
+            if site.terrain.road_distance(ends).min() > 0.8 and site.is_free(
+                float(ends[1, 0]), float(ends[1, 1]), 0.5 * length + 1.0
+            ):
+                turn = float(np.arctan2(*(ends[2] - ends[0])[::-1]))
+                x, y = ends[0].tolist()
+                site.add(furniture.make_hedge(rng, length, height), x, y, turn)
+        s += length

@@ -12,18 +12,16 @@ from automos.core.geometry import Array, inverse, make_transform, rotation_betwe
 from automos.core.labels import OUTLIER, Label, pack
 from automos.core.scan import Pose, Scan, Sequence
 from automos.core.upright_boxes import TrueBoxes
-from automos.simulation.annotations import Annotations, upright_boxes
 from automos.simulation.conditions import Conditions
 from automos.simulation.rigs import ride_on, rigs
 from automos.simulation.scenarios import build_world
 from automos.simulation.sensing.cast import Caster
 from automos.simulation.sensing.disturbances import add_dust, add_rain, bleed
-from automos.simulation.sensing.readout import Cast, compensate, read_out
-from automos.simulation.sensing.returns import measure
+from automos.simulation.sensing.returns import Cast, compensate, measure, read_out
 from automos.simulation.sensing.scene import AIR, EGO, Hits
 from automos.simulation.sensing.sensors import SENSORS, Pattern, Sensor
 from automos.simulation.traffic.motion import transforms
-from automos.simulation.truth import Verdicts, judge
+from automos.simulation.truth import Annotations, Verdicts, judge, upright_boxes
 from automos.simulation.world import World
 
 FORMAT = 5

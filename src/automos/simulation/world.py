@@ -1,7 +1,11 @@
 """A world: what stands still, what moves, and the ego vehicle among it. And the site on which scenarios build one."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -10,10 +14,12 @@ from automos.core.geometry import Array
 from automos.simulation.ego import EgoMotion, ride
 from automos.simulation.shapes.mesh import Mesh, join
 from automos.simulation.shapes.things import Thing
-from automos.simulation.terrain import Terrain
+from automos.simulation.shapes.vehicles import make_car
+from automos.simulation.terrain import Road, Terrain, make_hills
 from automos.simulation.traffic.agents import Agent, Signal
 from automos.simulation.traffic.driving import drive_unharmed
 from automos.simulation.traffic.motion import Motion, follow, transforms
+from automos.simulation.traffic.paths import Path
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +101,17 @@ class Site:
         self._parked: list[tuple[Thing, Array]] = []
         self._swaying: list[Sway] = []
         self._reserved: list[tuple[float, float]] = []
+
+    @classmethod
+    def over_hills(
+        cls, rng: np.random.Generator, waves: Sequence[tuple[float, float]], roads: tuple[Road, ...], **ground: Any
+    ) -> Site:
+        """Return an empty site with `roads` over hills of `waves` (`make_hills`); `ground` is for its `Terrain`."""
+        return cls(Terrain(roads, make_hills(rng, waves), seed=int(rng.integers(1 << 30)), **ground), rng)
+
+    def add_ego(self, path: Path, start: float, speed: float, **how: Any) -> None:
+        """Put the car that carries the sensor on a path, before anyone else; `how` is for its `Agent`."""
+        self.agents.append(Agent((make_car(self.rng, "estate"),), path, start, speed, **how))
 
     def height(self, x: float, y: float) -> float:
         """Return the ground's height at a place, metres."""

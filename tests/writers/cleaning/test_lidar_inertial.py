@@ -10,7 +10,7 @@ from automos import simulation
 from automos.core.geometry import inverse
 from automos.readers import open_sequence
 from automos.results.run_files import RunFiles
-from automos.simulation.bag import GRAVITY, RATE, inertial
+from automos.simulation.write import GRAVITY, RATE, inertial
 from automos.writers.cleaning.clean import clean
 
 N_SCANS = 25

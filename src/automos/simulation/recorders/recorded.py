@@ -14,8 +14,15 @@ import numpy.typing as npt
 from automos.core.errors import InputError
 from automos.core.geometry import inverse, se3_exp, se3_log
 from automos.core.scan import Pose, Scan, Sequence
-from automos.simulation.recorders.convention import Convention
-from automos.simulation.recorders.keeping import joined, kept_cuts, kept_rows, rows_of, times_in_file, with_specks
+from automos.simulation.recorders.convention import (
+    Convention,
+    joined,
+    kept_cuts,
+    kept_rows,
+    rows_of,
+    times_in_file,
+    with_specks,
+)
 
 
 class Turns(Protocol):

@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from automos.simulation import planting, road_users, roadside
+from automos.simulation import road_users, roadside
 from automos.simulation.scenarios.city import winding
-from automos.simulation.shapes import furniture, people, vehicles
-from automos.simulation.terrain import Road, Terrain, make_hills
-from automos.simulation.traffic.agents import Agent
+from automos.simulation.shapes import furniture, people
+from automos.simulation.terrain import Road
 from automos.simulation.traffic.paths import Path, through
 from automos.simulation.world import Site, World
 
@@ -20,11 +19,8 @@ def campus(rng: np.random.Generator, duration: float) -> World:
     main = through(winding(rng, length, (50.0, 90.0), (10.0, 40.0)), radius=25.0)
     crossings = _crossing_walks(rng, main)
     roads = (Road(main, 3.2), *(Road(path, 1.6) for path in crossings))
-    site = Site(
-        Terrain(roads, make_hills(rng, ((0.6, 150.0),)), kerb=0.03, roughness=0.04, seed=int(rng.integers(1 << 30))),
-        rng,
-    )
-    site.agents.append(Agent((vehicles.make_car(rng, "estate"),), main, LEAD_IN, EGO_SPEED, wander=0.1, headway=1.0))
+    site = Site.over_hills(rng, ((0.6, 150.0),), roads, kerb=0.03, roughness=0.04)
+    site.add_ego(main, LEAD_IN, EGO_SPEED, wander=0.1, headway=1.0)
     _populate(site, main, crossings)
     _furnish(site, main)
     return site.finish(duration, reach=110.0)
@@ -56,16 +52,15 @@ def _populate(site: Site, main: Path, crossings: list[Path]) -> None:
 def _furnish(site: Site, main: Path) -> None:
     rng = site.rng
     for side in (-1.0, 1.0):
-        planting.place_trees(site, main, side * 4.6, (6.0, 13.0), clearance=0.8)
-        planting.place_trees(site, main, side * 11.0, (7.0, 16.0), clearance=1.0)
-        planting.place_trees(site, main, side * 20.0, (8.0, 20.0), clearance=1.0)
-        planting.scatter_bushes(site, main, (side * 4.5, side * 16.0), (2.5, 6.0))
-        planting.scatter_tufts(site, main, (side * 4.0, side * 16.0), 0.6)
-        planting.place_hedges(site, main, side * 6.0, 0.4)
-        planting.place_thickets(site, main, (side * 12.0, side * 26.0), (6.0, 15.0), (1.5, 3.5))
+        roadside.place_trees(site, main, side * 4.6, (6.0, 13.0), clearance=0.8)
+        roadside.place_trees(site, main, side * 11.0, (7.0, 16.0), clearance=1.0)
+        roadside.place_trees(site, main, side * 20.0, (8.0, 20.0), clearance=1.0)
+        roadside.scatter_bushes(site, main, (side * 4.5, side * 16.0), (2.5, 6.0))
+        roadside.scatter_tufts(site, main, (side * 4.0, side * 16.0), 0.6)
+        roadside.place_hedges(site, main, side * 6.0, 0.4)
+        roadside.place_thickets(site, main, (side * 12.0, side * 26.0), (6.0, 15.0), (1.5, 3.5))
         roadside.place_buildings(site, main, side, 19.0, (2, 5), widths=(18.0, 45.0), gap_chance=0.7, gaps=(6.0, 18.0))
-        for x, y, heading in roadside.along(site, main, side * 3.9, (9.0, 22.0), 0.3):
-            site.add(furniture.make_bench(), x, y, heading if side > 0 else heading + np.pi)
+        roadside.place_row(site, main, side, 3.9, (9.0, 22.0), 0.3, furniture.make_bench)
         for x, y, heading in roadside.along(site, main, side * 6.5, (14.0, 30.0), 1.5):
             for k in range(int(rng.integers(3, 8))):
                 place = x + 0.75 * k * np.cos(heading), y + 0.75 * k * np.sin(heading)

@@ -6,11 +6,9 @@
 
 import numpy as np
 
-from automos.simulation import planting, road_users, roadside
-from automos.simulation.shapes import vehicles
+from automos.simulation import road_users, roadside
 from automos.simulation.shapes.materials import Material
-from automos.simulation.terrain import Road, Terrain, make_hills
-from automos.simulation.traffic.agents import Agent
+from automos.simulation.terrain import Road
 from automos.simulation.traffic.paths import Path, through
 from automos.simulation.world import Site, World
 
@@ -39,7 +37,7 @@ def avenue(rng: np.random.Generator, duration: float) -> World:
         roadside.place_buildings(
             site, main, side, 10.4, (6, 9), widths=(20.0, 45.0), gap_chance=0.4, gaps=(3.0, 7.0), smooth=True
         )
-        planting.place_trees(site, main, side * 7.9, (16.0, 34.0), clearance=0.4)
+        roadside.place_trees(site, main, side * 7.9, (16.0, 34.0), clearance=0.4)
         _furnish(site, main, side)
     return site.finish(duration)
 
@@ -48,16 +46,10 @@ def _street(rng: np.random.Generator, duration: float, start: float) -> tuple[Si
     """Return a site with a street full of vehicles, the ego's lanes at `start` m/s at first, and the street's line."""
     length = SPEED * duration + 2 * LEAD_IN
     main = through([(0.0, 0.0), (length, 0.0)])
-    terrain = Terrain(
-        (Road(main, 7.2, 3.0),),
-        make_hills(rng, ((0.3, 400.0),)),
-        verge=Material.PAVEMENT,
-        seed=int(rng.integers(1 << 30)),
-    )
-    site = Site(terrain, rng)
+    site = Site.over_hills(rng, ((0.3, 400.0),), (Road(main, 7.2, 3.0),), verge=Material.PAVEMENT)
     back = main.reversed()
     inner, outer = main.beside(-0.5 * LANE), main.beside(-1.5 * LANE)
-    site.agents.append(Agent((vehicles.make_car(rng, "estate"),), outer, LEAD_IN, SPEED, initial=start, wander=0.08))
+    site.add_ego(outer, LEAD_IN, SPEED, initial=start, wander=0.08)
     road_users.add_tram(site, inner, LEAD_IN + site.rng.uniform(15.0, 45.0), SPEED, start)
     road_users.add_tram(site, back.beside(-0.5 * LANE), 0.5 * length - site.rng.uniform(20.0, 60.0), SPEED)
     for lane in (inner, outer):

@@ -5,11 +5,9 @@ Cars stand at the kerb and pull out, others drive up and park.
 
 import numpy as np
 
-from automos.simulation import planting, road_users, roadside
-from automos.simulation.shapes import vehicles
+from automos.simulation import road_users, roadside
 from automos.simulation.shapes.materials import Material
-from automos.simulation.terrain import Road, Terrain, make_hills
-from automos.simulation.traffic.agents import Agent
+from automos.simulation.terrain import Road
 from automos.simulation.traffic.paths import Path, through
 from automos.simulation.world import Site, World
 
@@ -30,8 +28,7 @@ def street(rng: np.random.Generator, duration: float, life: road_users.Life) -> 
     main = through(winding(rng, SPEED * duration + 2 * LEAD_IN, (110.0, 170.0), (8.0, 45.0)), radius=35.0)
     sides = side_streets(rng, main, (60.0, 100.0), 85.0)
     roads = (Road(main, 5.6, 3.0), *(Road(path, 3.6, 2.2) for path in sides))
-    hills = make_hills(rng, ((0.4, 260.0), (0.06, 80.0)))
-    site = Site(Terrain(roads, hills, verge=Material.SOIL, roughness=0.03, seed=int(rng.integers(1 << 30))), rng)
+    site = Site.over_hills(rng, ((0.4, 260.0), (0.06, 80.0)), roads, verge=Material.SOIL, roughness=0.03)
     _populate(site, main, duration, life)
     _furnish(site, main, sides, life)
     return site.finish(duration)
@@ -69,23 +66,23 @@ def _furnish(site: Site, main: Path, sides: list[Path], life: road_users.Life) -
     for side in (-1.0, 1.0):
         roadside.place_buildings(site, main, side, 9.9, (3, 5), gap_chance=0.6, gaps=(8.0, 26.0))
         roadside.place_buildings(site, main, side, 38.0, (2, 6), widths=(14.0, 30.0), gap_chance=0.7, gaps=(5.0, 25.0))
-        planting.place_trees(site, main, side * 6.2, (11.0, 24.0))
-        planting.place_trees(site, main, side * 30.0, (10.0, 30.0), clearance=4.0)
+        roadside.place_trees(site, main, side * 6.2, (11.0, 24.0))
+        roadside.place_trees(site, main, side * 30.0, (10.0, 30.0), clearance=4.0)
         roadside.place_lamps(site, main, side, 6.1)
         roadside.place_clutter(site, main, side, 9.0)
-        roadside.park_row(site, main, side * 4.6, 0.6, vans=life.vans)
-        planting.scatter_bushes(site, main, (side * 14.0, side * 34.0), (4.0, 9.0))
-        planting.place_thickets(site, main, (side * 12.0, side * 36.0), (5.0, 12.0), (2.0, 4.5))
-        planting.place_hedges(site, main, side * 10.2, 0.5)
+        road_users.park_row(site, main, side * 4.6, 0.6, vans=life.vans)
+        roadside.scatter_bushes(site, main, (side * 14.0, side * 34.0), (4.0, 9.0))
+        roadside.place_thickets(site, main, (side * 12.0, side * 36.0), (5.0, 12.0), (2.0, 4.5))
+        roadside.place_hedges(site, main, side * 10.2, 0.5)
     for street in sides:
         for side in (-1.0, 1.0):
             roadside.place_buildings(site, street, side, 7.0, (2, 5), gap_chance=0.5)
-            roadside.park_row(site, street, side * 2.7, 0.35, start=12.0, vans=life.vans)
+            road_users.park_row(site, street, side * 2.7, 0.35, start=12.0, vans=life.vans)
 
 
 def _populate(site: Site, main: Path, duration: float, life: road_users.Life) -> None:
     with_ego, oncoming = main.beside(-1.75), main.reversed().beside(-1.75)
-    site.agents.append(Agent((vehicles.make_car(site.rng, "estate"),), with_ego, LEAD_IN, SPEED, wander=0.1))
+    site.add_ego(with_ego, LEAD_IN, SPEED, wander=0.1)
     for lane in (with_ego, oncoming):
         road_users.pull_out(site, lane, SPEED, 2.85, (LEAD_IN + 30.0, lane.length - LEAD_IN), life.leave, duration)
         road_users.drive_and_park(site, lane, SPEED, 2.85, (LEAD_IN + 60.0, lane.length - LEAD_IN), life.arrive)

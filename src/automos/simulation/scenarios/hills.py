@@ -2,11 +2,9 @@
 
 import numpy as np
 
-from automos.simulation import planting, road_users, roadside
+from automos.simulation import road_users, roadside
 from automos.simulation.scenarios.city import winding
-from automos.simulation.shapes import vehicles
-from automos.simulation.terrain import Road, Terrain, make_hills
-from automos.simulation.traffic.agents import Agent
+from automos.simulation.terrain import Road
 from automos.simulation.traffic.paths import Path, through
 from automos.simulation.world import Site, World
 
@@ -19,11 +17,10 @@ WIND = 0.025
 def hills(rng: np.random.Generator, duration: float) -> World:
     """Return a winding road over hills with an overpass."""
     main = through(winding(rng, SPEED * duration + 2 * LEAD_IN, (70.0, 130.0), (10.0, 35.0)), radius=60.0)
-    waves = make_hills(rng, ((2.2, 160.0), (2.2, 170.0), (0.8, 80.0)))
-    terrain = Terrain((Road(main, 3.6),), waves, kerb=0.0, roughness=0.06, seed=int(rng.integers(1 << 30)))
-    site = Site(terrain, rng)
+    waves = ((2.2, 160.0), (2.2, 170.0), (0.8, 80.0))
+    site = Site.over_hills(rng, waves, (Road(main, 3.6),), kerb=0.0, roughness=0.06)
     with_ego, oncoming = main.beside(-1.75), main.reversed().beside(-1.75)
-    site.agents.append(Agent((vehicles.make_car(rng, "estate"),), with_ego, LEAD_IN, SPEED, wander=0.1))
+    site.add_ego(with_ego, LEAD_IN, SPEED, wander=0.1)
     road_users.fill_lane(site, with_ego, SPEED, (25.0, 80.0), heavy=0.15)
     road_users.fill_lane(site, oncoming, SPEED, (20.0, 70.0), heavy=0.15)
     road_users.add_cyclists(site, with_ego, int(main.length / 150.0) + 1, speed=(4.0, 8.0), offset=-1.1)
@@ -38,8 +35,8 @@ def _furnish(site: Site, main: Path) -> None:
     for side in (-1.0, 1.0):
         for offset, spacing in ((5.4, (7.0, 16.0)), (11.0, (6.0, 14.0)), (20.0, (6.0, 14.0)), (34.0, (7.0, 18.0))):
             sway = WIND if offset < 6.0 else 0.0
-            planting.place_trees(site, main, side * offset, spacing, clearance=1.3, sway=sway)
-        planting.scatter_bushes(site, main, (side * 5.0, side * 9.0), (5.0, 12.0), sway=4 * WIND)
-        planting.scatter_bushes(site, main, (side * 8.0, side * 30.0), (3.0, 8.0))
-        planting.scatter_tufts(site, main, (side * 4.4, side * 14.0), 1.2)
-        planting.place_hedges(site, main, side * 6.5, 0.25)
+            roadside.place_trees(site, main, side * offset, spacing, clearance=1.3, sway=sway)
+        roadside.scatter_bushes(site, main, (side * 5.0, side * 9.0), (5.0, 12.0), sway=4 * WIND)
+        roadside.scatter_bushes(site, main, (side * 8.0, side * 30.0), (3.0, 8.0))
+        roadside.scatter_tufts(site, main, (side * 4.4, side * 14.0), 1.2)
+        roadside.place_hedges(site, main, side * 6.5, 0.25)

@@ -1,13 +1,19 @@
-"""A signalled junction: cars that wait and then drive, cars that drive and then park, people crossing."""
+"""A signalled junction: cars that wait and then drive, cars that drive and then park, people crossing.
+
+`junction` is driven through; at `waiting` a sensor stands still and sees everything from one place only. `lights`,
+`kerbside` and `outing` last half a minute and longer, for objects: each is seen long enough to wait, hide, part and
+come back, among long vehicles, people in pairs and groups, and vans that hide the rest.
+"""
 
 import numpy as np
 
-from automos.simulation import planting, road_users, roadside
-from automos.simulation.shapes import furniture, vehicles
+from automos.simulation import road_users, roadside
+from automos.simulation.road_users import Life
+from automos.simulation.scenarios.city import street
+from automos.simulation.shapes import furniture
 from automos.simulation.shapes.materials import Material
-from automos.simulation.terrain import Road, Terrain, make_hills
-from automos.simulation.traffic.agents import Agent
-from automos.simulation.traffic.crossing import Crossing
+from automos.simulation.terrain import Road
+from automos.simulation.traffic.agents import Agent, Crossing
 from automos.simulation.traffic.paths import Path
 from automos.simulation.world import Site, World
 
@@ -28,7 +34,7 @@ def cross(rng: np.random.Generator, duration: float, leave_by: int, shift: float
     site = make_site(rng, crossing)
     way = crossing.way(EGO_ARM, leave_by)
     start = crossing.reaches[EGO_ARM] - crossing.stop - 55.0
-    site.agents.append(Agent((vehicles.make_car(rng, "estate"),), way, start, SPEED, wander=0.05))
+    site.add_ego(way, start, SPEED, wander=0.05)
     site.signals.append(crossing.light(EGO_ARM, way))
     populate(site, crossing, duration, life)
     furnish(site, crossing, life)
@@ -45,15 +51,7 @@ def make_crossing(rng: np.random.Generator, long_arm: int = -1, length: float = 
 def make_site(rng: np.random.Generator, crossing: Crossing) -> Site:
     """Return the ground with the crossing's roads."""
     roads = tuple(Road(crossing.arm(k), 5.8, 3.2) for k in range(len(crossing.headings)))
-    terrain = Terrain(
-        roads,
-        make_hills(rng, ((0.3, 220.0),)),
-        verge=Material.PAVEMENT,
-        roughness=0.02,
-        corner=9.0,
-        seed=int(rng.integers(1 << 30)),
-    )
-    return Site(terrain, rng)
+    return Site.over_hills(rng, ((0.3, 220.0),), roads, verge=Material.PAVEMENT, roughness=0.02, corner=9.0)
 
 
 def populate(site: Site, crossing: Crossing, duration: float, life: road_users.Life = LIFE) -> None:
@@ -112,8 +110,8 @@ def furnish(site: Site, crossing: Crossing, life: road_users.Life = LIFE) -> Non
             roadside.place_buildings(
                 site, arm, side, 36.0, (3, 7), widths=(15.0, 30.0), gap_chance=0.7, gaps=(5.0, 20.0)
             )
-            roadside.park_row(site, arm, side * 4.7, 0.65, start=12.0, vans=life.vans)
-            planting.place_trees(site, arm, side * 7.0, (12.0, 26.0))
+            road_users.park_row(site, arm, side * 4.7, 0.65, start=12.0, vans=life.vans)
+            roadside.place_trees(site, arm, side * 7.0, (12.0, 26.0))
             roadside.place_lamps(site, arm, side, 6.3)
             roadside.place_clutter(site, arm, side, 9.0)
         _put_light(site, crossing, k)
@@ -124,3 +122,44 @@ def _put_light(site: Site, crossing: Crossing, k: int) -> None:
     for side, turn in ((1.0, np.pi), (-1.0, np.pi)):
         (x, y), heading = arm.at(crossing.stop + 0.5, side * 6.4)
         site.add(furniture.make_signal(), float(x), float(y), float(heading) + turn)
+
+
+def waiting(rng: np.random.Generator, duration: float) -> World:
+    """Return a junction watched from a vehicle that stands at the kerb of one arm and never moves."""
+    return watch(rng, duration, LIFE)
+
+
+def watch(rng: np.random.Generator, duration: float, life: Life) -> World:
+    """Return a junction with a life of its own, watched from the kerb."""
+    crossing = make_crossing(rng, shift=float(rng.uniform(0.0, 40.0)))
+    site: Site = make_site(rng, crossing)
+    kerb = crossing.arm(0).reversed().beside(-4.6)
+    site.add_ego(kerb, crossing.reaches[0] - 22.0, 1.0, initial=0.0, go=np.inf, wander=0.0)
+    populate(site, crossing, duration, life)
+    furnish(site, crossing, life)
+    return site.finish(duration)
+
+
+GROUPS = {4: 0.15, 3: 0.2, 2: 0.35, 1: 0.3}
+LIVES = {
+    "lights": Life(heavy=0.3, arrive=40.0, leave=45.0, vans=0.15, parties=GROUPS),
+    "kerbside": Life(heavy=0.1, arrive=60.0, leave=30.0, vans=0.4, parties=GROUPS),
+    "outing": Life(heavy=0.2, arrive=35.0, leave=40.0, vans=0.3, parties={5: 0.15, 3: 0.25, 2: 0.35, 1: 0.25}),
+}
+WAITS = 39.0
+"""Seconds by which the lights are ahead: the ego stands in the queue for about ten, then drives on."""
+
+
+def lights(rng: np.random.Generator, duration: float) -> World:
+    """Return a junction with long vehicles and queues, which the ego waits at and crosses."""
+    return cross(rng, duration, 2, WAITS, LIVES["lights"])
+
+
+def kerbside(rng: np.random.Generator, duration: float) -> World:
+    """Return a street where cars leave and park all the time, between vans that hide them and the people behind."""
+    return street(rng, duration, LIVES["kerbside"])
+
+
+def outing(rng: np.random.Generator, duration: float) -> World:
+    """Return a junction watched from the kerb, with groups of people on all pavements."""
+    return watch(rng, duration, LIVES["outing"])

@@ -6,10 +6,10 @@ slow section, between shrubs.
 
 import numpy as np
 
-from automos.simulation import planting, road_users, roadside
+from automos.simulation import road_users, roadside
 from automos.simulation.scenarios.city import winding
 from automos.simulation.shapes import furniture, vehicles
-from automos.simulation.terrain import Road, Terrain, make_hills
+from automos.simulation.terrain import Road
 from automos.simulation.traffic.agents import Agent
 from automos.simulation.traffic.paths import Path, through
 from automos.simulation.world import Site, World
@@ -38,19 +38,12 @@ def slowdown(rng: np.random.Generator, duration: float) -> World:
 def _build(rng: np.random.Generator, duration: float, start: float, is_bare: bool) -> World:
     main = through(winding(rng, EGO_SPEED * duration + 2 * LEAD_IN, (300.0, 500.0), (2.0, 9.0)), radius=900.0)
     half = MEDIAN + 3 * LANE_WIDTH + 2.5  # with hard shoulder
-    terrain = Terrain(
-        (Road(main, half),),
-        make_hills(rng, ((2.0, 700.0), (0.4, 250.0))),
-        kerb=0.0,
-        roughness=0.06,
-        seed=int(rng.integers(1 << 30)),
-    )
-    site = Site(terrain, rng)
+    site = Site.over_hills(rng, ((2.0, 700.0), (0.4, 250.0)), (Road(main, half),), kerb=0.0, roughness=0.06)
     _populate(site, main, duration, start)
     _furnish(site, main, half)
     if not is_bare:
         for side in (-1.0, 1.0):
-            planting.place_thickets(site, main, (side * (half + 3.5), side * (half + 9.0)), (4.0, 16.0), (1.2, 3.0))
+            roadside.place_thickets(site, main, (side * (half + 3.5), side * (half + 9.0)), (4.0, 16.0), (1.2, 3.0))
     return site.finish(duration, reach=110.0, unevenness=0.2)
 
 
@@ -60,12 +53,9 @@ def _lane(main: Path, k: int) -> Path:
 
 def _populate(site: Site, main: Path, duration: float, start: float) -> None:
     """Fill both carriageways; all start at the share `start` of their speed."""
-    rng = site.rng
     lanes = [_lane(main, k) for k in range(3)]
     opposite = [_lane(main.reversed(), k) for k in range(3)]
-    site.agents.append(
-        Agent((vehicles.make_car(rng, "estate"),), lanes[1], LEAD_IN, EGO_SPEED, start * EGO_SPEED, wander=0.15)
-    )
+    site.add_ego(lanes[1], LEAD_IN, EGO_SPEED, initial=start * EGO_SPEED, wander=0.15)
     for k, speed in enumerate(LANES):
         for side in (lanes, opposite):
             heavy = (0.55, 0.05, 0.0)[k]
@@ -94,9 +84,9 @@ def _furnish(site: Site, main: Path, half: float) -> None:
             site.add(furniture.make_guard_rail(16.1), x, y, heading)
         for x, y, heading in roadside.along(site, main, side * (half + 1.8), (50.0, 50.0), -np.inf):
             site.add(furniture.make_delineator(), x, y, heading if side < 0 else heading + np.pi)
-        planting.scatter_bushes(site, main, (side * (half + 8.0), side * (half + 40.0)), (7.0, 20.0))
-        planting.place_trees(site, main, side * (half + 25.0), (12.0, 60.0), clearance=6.0)
-        planting.scatter_tufts(site, main, (side * (half + 2.5), side * (half + 18.0)), 0.4)
+        roadside.scatter_bushes(site, main, (side * (half + 8.0), side * (half + 40.0)), (7.0, 20.0))
+        roadside.place_trees(site, main, side * (half + 25.0), (12.0, 60.0), clearance=6.0)
+        roadside.scatter_tufts(site, main, (side * (half + 2.5), side * (half + 18.0)), 0.4)
     for s in np.arange(LEAD_IN + rng.uniform(40.0, 150.0), main.length, 420.0):
         middle, turn = main.at(s)
         site.add(furniture.make_gantry(2 * half + 3.0), float(middle[0]), float(middle[1]), float(turn))

@@ -1,13 +1,15 @@
 """A market street full of motorcycles and scooters that ride abreast, between stalls, cars and people."""
 
+from functools import partial
+
 import numpy as np
 
-from automos.simulation import planting, road_users, roadside
+from automos.simulation import road_users, roadside
 from automos.simulation.scenarios.city import side_streets, winding
-from automos.simulation.shapes import people, vehicles
+from automos.simulation.shapes import people
 from automos.simulation.shapes.materials import Material
 from automos.simulation.shapes.mesh import box, join, rod
-from automos.simulation.terrain import Road, Terrain, make_hills
+from automos.simulation.terrain import Road
 from automos.simulation.traffic.agents import Agent
 from automos.simulation.traffic.paths import Path, through
 from automos.simulation.world import Site, World
@@ -21,10 +23,7 @@ def scooters(rng: np.random.Generator, duration: float) -> World:
     main = through(winding(rng, SPEED * duration + 2 * LEAD_IN, (90.0, 160.0), (5.0, 30.0)), radius=40.0)
     sides = side_streets(rng, main, (45.0, 80.0), 60.0)
     roads = (Road(main, 5.5, 3.6), *(Road(path, 2.6, 1.0) for path in sides))
-    terrain = Terrain(
-        roads, make_hills(rng, ((0.3, 200.0),)), verge=Material.SOIL, kerb=0.1, seed=int(rng.integers(1 << 30))
-    )
-    site = Site(terrain, rng)
+    site = Site.over_hills(rng, ((0.3, 200.0),), roads, verge=Material.SOIL, kerb=0.1)
     _populate(site, main)
     _furnish(site, main, sides)
     return site.finish(duration)
@@ -34,7 +33,7 @@ def _populate(site: Site, main: Path) -> None:
     rng = site.rng
     for lane, carries_ego in ((main.beside(-2.7), True), (main.reversed().beside(-2.7), False)):
         if carries_ego:
-            site.agents.append(Agent((vehicles.make_car(rng, "estate"),), lane, LEAD_IN, SPEED, wander=0.1))
+            site.add_ego(lane, LEAD_IN, SPEED, wander=0.1)
         road_users.fill_lane(site, lane, SPEED * 0.95, (35.0, 90.0), heavy=0.08)
         for offset in (-1.7, -0.55, 0.55, 1.7):
             s = rng.uniform(22.0, 30.0)
@@ -63,10 +62,9 @@ def _furnish(site: Site, main: Path, sides: list[Path]) -> None:
         for x, y, heading in roadside.along(site, main, side * 6.4, (0.9, 6.0), 0.25):
             if site.is_free(x, y, 0.6):
                 site.park(people.make_parked_scooter(rng), x, y, heading + side * rng.uniform(1.0, 1.6))
-        for x, y, heading in roadside.along(site, main, side * 9.3, (4.0, 14.0), 1.2):
-            site.add(_stall(rng), x, y, heading if side > 0 else heading + np.pi)
+        roadside.place_row(site, main, side, 9.3, (4.0, 14.0), 1.2, partial(_stall, rng))
         roadside.place_buildings(site, main, side, 10.6, (2, 5), widths=(4.0, 9.0), gap_chance=0.1)
-        planting.place_trees(site, main, side * 8.5, (18.0, 45.0))
+        roadside.place_trees(site, main, side * 8.5, (18.0, 45.0))
         roadside.place_lamps(site, main, side, 5.8)
     for street in sides:
         for side in (-1.0, 1.0):

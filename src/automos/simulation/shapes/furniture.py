@@ -1,9 +1,13 @@
-"""What stands along roads: lamps, signs, lights, bollards, shelters, benches, rails, gantries, bridges."""
+"""What stands and grows along roads: lamps, signs, lights, benches, rails, gantries, bridges; trees, bushes, hedges.
+
+Foliage is a cloud of leaf-sized triangles, so that beams enter it as they enter leaves.
+"""
 
 import numpy as np
 
+from automos.core.geometry import Array
 from automos.simulation.shapes.materials import Material
-from automos.simulation.shapes.mesh import Mesh, box, join, rod
+from automos.simulation.shapes.mesh import Mesh, ball, box, from_faces, join, rod
 
 METAL = Material.METAL
 
@@ -123,3 +127,86 @@ def make_viaduct(span: float, width: float, clearance: float, clear_of: float) -
                 rod((s * x, y, -8.0), (s * x, y, clearance), 0.45, Material.STONE, sections=12) for s in (-1.0, 1.0)
             ]
     return join(parts)
+
+
+def leaves(centers: Array, size: float, rng: np.random.Generator) -> Mesh:
+    """Return one triangle of about `size` metres, turned at random, at each of `centers` (N, 3)."""
+    corners = centers[:, None, :] + rng.normal(0.0, 0.5 * size, (len(centers), 3, 3))
+    corners[..., 2] = np.maximum(corners[..., 2], 0.02)
+    faces = np.arange(3 * len(centers)).reshape(-1, 3)
+    mesh = from_faces(corners.reshape(-1, 3), faces, Material.LEAVES)
+    tints = rng.uniform(0.5, 1.5, len(centers)).astype(np.float32)
+    return Mesh(mesh.vertices, mesh.faces, mesh.material, tints)
+
+
+def _in_ellipsoid(n: int, radii: Array, rng: np.random.Generator, hollow: float) -> Array:
+    """Return (n, 3) points in an ellipsoid, denser toward its skin as `hollow` goes from 0 to 1."""
+    direction = rng.normal(size=(n, 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    depth = rng.random(n) ** ((1.0 - 0.8 * hollow) / 3.0)
+    return direction * depth[:, None] * radii
+
+
+def make_tree(rng: np.random.Generator, height: float) -> Mesh:
+    """Return a deciduous tree: trunk, branches, and a canopy of several lumps."""
+    trunk_height = height * rng.uniform(0.24, 0.36)
+    radius = 0.012 * height + rng.uniform(0.03, 0.10)
+    lean = rng.normal(0.0, 0.02, 2) * height
+    top = np.array([lean[0], lean[1], 0.75 * height])
+    parts = [
+        ball((radius * 2.2, radius * 2.2, 0.25), (0, 0, 0), Material.BARK),
+        rod((0, 0, 0), top, radius, Material.BARK, end_radius=0.3 * radius, sections=8),
+    ]
+    spread = height * rng.uniform(0.24, 0.34)
+    for _ in range(int(rng.integers(5, 9))):
+        angle, up = rng.uniform(0, 2 * np.pi), rng.uniform(0.3, 0.95)
+        out = spread * rng.uniform(0.35, 0.75) * np.sin(np.pi * min(up, 0.9))
+        z = trunk_height + up * (0.82 * height - trunk_height)
+        tip = np.array([out * np.cos(angle), out * np.sin(angle), z]) + np.array([*lean, 0.0])
+        foot = top * rng.uniform(0.35, 0.8)
+        parts.append(rod(foot, tip, 0.35 * radius, Material.BARK, end_radius=0.1 * radius, sections=5))
+        lump = spread * rng.uniform(0.45, 0.7)
+        radii = np.array([lump, lump, 0.8 * lump])
+        n = int(13.0 * 4.2 * lump**3 / 0.35)
+        parts.append(leaves(tip + _in_ellipsoid(min(max(n, 40), 420), radii, rng, 0.5), 0.32, rng))
+    return join(parts)
+
+
+def make_bush(rng: np.random.Generator, radius: float, height: float) -> Mesh:
+    """Return a bush: dense foliage down to the ground."""
+    n = int(np.clip(260 * radius**2 * height, 60, 700))
+    centers = _in_ellipsoid(n, np.array([radius, radius, 0.6 * height]), rng, 0.6) + np.array([0.0, 0.0, 0.5 * height])
+    return leaves(np.maximum(centers, (-np.inf, -np.inf, 0.05)), 0.16, rng)
+
+
+def make_thicket(rng: np.random.Generator, radius: float, height: float) -> Mesh:
+    """Return a tall shrub or young tree, leafy from the ground up: what grows at the edge of a wood."""
+    n = 600
+    up = rng.random(n) ** 0.8
+    shape = np.sqrt(np.clip(1.15 - up**2, 0.05, 1.0))
+    angle, out = rng.uniform(0, 2 * np.pi, n), radius * shape * np.sqrt(rng.random(n))
+    lumps = 1.0 + 0.25 * np.sin(3.0 * angle + rng.uniform(0, 6.0)) * np.sin(2.5 * up * height)
+    centers = np.column_stack([out * lumps * np.cos(angle), out * lumps * np.sin(angle), 0.1 + up * height])
+    stem = rod((0, 0, 0), (0, 0, 0.7 * height), 0.05, Material.BARK, end_radius=0.01, sections=5)
+    return join([stem, leaves(centers, 0.38, rng)])
+
+
+def make_hedge(rng: np.random.Generator, length: float, height: float, depth: float = 0.7) -> Mesh:
+    """Return a clipped hedge along +x from 0 to `length`."""
+    n = int(140 * length * height * depth)
+    centers = rng.uniform((0, -0.5 * depth, 0.02), (length, 0.5 * depth, height), (n, 3))
+    stems = box_core(length, height, depth)
+    return join([stems, leaves(centers, 0.15, rng)])
+
+
+def box_core(length: float, height: float, depth: float) -> Mesh:
+    """Return the wood inside a hedge: what stops the beams that pass the leaves."""
+    return box((length, 0.1 * depth, 0.9 * height), (0.5 * length, 0.0, 0.45 * height), Material.BARK, 0.8)
+
+
+def make_tuft(rng: np.random.Generator, radius: float, height: float) -> Mesh:
+    """Return a patch of high grass or herbs."""
+    n = int(np.clip(120 * radius**2, 12, 150))
+    angle, out = rng.uniform(0, 2 * np.pi, n), radius * np.sqrt(rng.random(n))
+    centers = np.column_stack([out * np.cos(angle), out * np.sin(angle), height * rng.random(n) * 0.7])
+    return leaves(centers, 0.11, rng)
