@@ -13,7 +13,7 @@ from labels import WARM_UP, First, timed
 from recordings import opened
 
 from automos import Workspace, label, load_settings
-from automos.baselines.comparison.effort import Effort
+from automos.baselines.comparison.cost import Effort
 from automos.core.scan import Scan, Sequence
 from automos.simulation import simulate, write
 

@@ -84,7 +84,7 @@ def result_of(experiment: Experiment, store: Path, again: bool = False) -> dict[
 
 def perform(experiment: Experiment, store: Path) -> dict[str, Any]:
     """Measure, in this process."""
-    from automos.baselines.comparison.effort import Effort
+    from automos.baselines.comparison.cost import Effort
 
     module, _, function = experiment.measure.partition(":")
     measure, status, found = getattr(import_module(module), function), "done", {}

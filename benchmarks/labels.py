@@ -17,7 +17,7 @@ from recordings import opened
 
 from automos import Workspace, label, load_settings
 from automos.baselines.comparison.compare import compare
-from automos.baselines.comparison.effort import Effort
+from automos.baselines.comparison.cost import Effort
 from automos.baselines.comparison.runs import MethodRuns
 from automos.core.labels import OUTLIER, Label, to_mos
 from automos.core.scan import Sequence

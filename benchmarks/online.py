@@ -27,7 +27,7 @@ from rich.console import Console
 from rich.table import Table
 
 from automos import Labeler, load_settings, open_sequence
-from automos.baselines.comparison.effort import Effort
+from automos.baselines.comparison.cost import Effort
 from automos.core.errors import MissingExtraError
 from automos.core.labels import Label
 from automos.core.scan import Sequence

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from automos.baselines.batches import BatchSize, tiled
 from automos.baselines.erasor import Parameters, find_moving
-from automos.baselines.erasor_bins import Volume, polar_bins
+from automos.baselines.erasor_bins import polar_bins
 from automos.core.geometry import inverse, make_transform, transform
 from automos.core.scan import Frame
 
@@ -74,7 +74,8 @@ def candidates(clouds, poses=None, **parameters) -> list[np.ndarray]:
 )
 def test_bins_by_hand(point, expected):
     # 4 rings of 2 m, 4 quadrants, heights from -1 to 2 m
-    assert polar_bins(np.array([point], float), Volume(8.0, 4, 4, -1.0, 2.0))[0] == expected
+    bins = Parameters(max_range=8.0, rings=4, sectors=4, min_height=-1.0, max_height=2.0)
+    assert polar_bins(np.array([point], float), bins)[0] == expected
 
 
 # ------------------------------------------------------------------------------------------------------ decisions

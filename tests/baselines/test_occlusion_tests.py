@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from automos.baselines.depth_images import Window, agrees, direction_of, draw, is_even, stack, surface_at
-from automos.baselines.m_detector import _Tests, complete_clusters
-from automos.baselines.m_detector_parameters import KITTI
+from automos.baselines.m_detector import KITTI, _Tests, complete_clusters
 from automos.baselines.range_image import image_shape
 from automos.core.scan import Frame
 

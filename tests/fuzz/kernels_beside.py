@@ -11,7 +11,6 @@ from automos.baselines import (
     height_images,
     hmm_mos,
     m_detector,
-    m_detector_parameters,
     occlusion_tests,
     octomap,
     range_image,
@@ -49,7 +48,7 @@ def _baselines(points: np.ndarray) -> None:
 
 def _occlusion(points: np.ndarray) -> None:
     ordinary = np.random.default_rng(0).normal(0.0, (8.0, 8.0, 1.0), (60, 3)).astype(np.float32)
-    tests = m_detector._Tests(m_detector_parameters.KITTI, range_image.image_shape(2.0, 4.0, -60.0, 60.0))
+    tests = m_detector._Tests(m_detector.KITTI, range_image.image_shape(2.0, 4.0, -60.0, 60.0))
     hostile_T = np.vstack([np.resize(points, (3, 4)), [0.0, 0.0, 0.0, 1.0]])
     for cloud, T in ((points, np.eye(4)), (ordinary, np.eye(4)), (ordinary, hostile_T)):
         there = T[:3].astype(np.float32)

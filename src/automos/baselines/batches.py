@@ -1,13 +1,12 @@
-"""Recordings cut into overlapping batches, so that the memory of map-based methods does not grow with the drive.
+"""Which scans are seen together: recordings cut into overlapping batches, and the scans that one is compared with.
 
-A batch answers for its own frames only, but sees some before and after them: something that stands at the end of the
-own frames is still seen to leave.
+Batches keep the memory of map-based methods from growing with the drive. A batch answers for its own frames only, but
+sees some before and after them: something that stands at the end of the own frames is still seen to leave.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -18,8 +17,7 @@ from automos.core.scan import Frame, Frames, Mask
 from automos.core.voxels import VoxelMap
 
 
-@dataclass(frozen=True)
-class BatchSize:
+class BatchSize(NamedTuple):
     """How long batches are: they overlap, so what stands at the end of one is seen to leave.
 
     Neither is published: the authors map whole sequences. Both bound memory, and are longer than a car stays in sight.
@@ -101,24 +99,45 @@ def labels_of_voxels(ids: npt.NDArray[np.int32], is_moving: Mask) -> Mask:
     return np.append(is_moving, False)[ids]  # id -1 reads the False at the end
 
 
-def spare_near_kept(points: npt.NDArray, is_moving: Mask, kept: KeptMap | None) -> Mask:
-    """Return (M,) bool: `is_moving` (M,) without those of `points` (M, 3) that lie near what a map keeps.
+def labels_by_map(
+    frames: Frames,
+    batch: Batch,
+    ids_of: list[npt.NDArray[np.int32]],
+    is_removed: Mask,
+    places: npt.NDArray,
+    within: float,
+) -> Iterator[tuple[int, Mask]]:
+    """Yield (index, (M,) bool moving) of the batch's own frames: the points whose voxel is removed from a map.
 
-    The usual way to read labels of scans from a cleaned map. It forgives a surface that was cut at a voxel's border.
+    Those `within` metres of what the map keeps stay (0: all are moving). This forgives a surface that was cut at a
+    voxel's border.
+
+    ids_of : of each frame, the voxel of each point.   is_removed, places : (V,) and (V, 3), level frame, of the voxels.
     """
-    if kept is None or not is_moving.any():
-        return is_moving
-    away, _ = kept.tree.query(points[is_moving], distance_upper_bound=kept.radius)
-    out = is_moving.copy()
-    out[is_moving] = ~np.isfinite(away)
-    return out
+    from scipy.spatial import cKDTree
+
+    keeps_some = within and not is_removed.all()
+    kept = cKDTree(places[~is_removed], balanced_tree=False, compact_nodes=False) if keeps_some else None
+    for k in batch.own:
+        is_moving = labels_of_voxels(ids_of[k - batch.frames[0]], is_removed)
+        if kept is not None and is_moving.any():
+            away, _ = kept.query(frames[k].points_level[is_moving], distance_upper_bound=within)
+            is_moving[is_moving] = ~np.isfinite(away)
+        yield k, is_moving
 
 
-class KeptMap:
-    """What a cleaned map keeps, and how near to it (metres) points stay."""
+def scans_at(stamps: npt.NDArray, index: int, offsets: npt.ArrayLike) -> list[int]:
+    """Return the scans nearest to `offsets` seconds after scan `index` (before it where negative), itself never.
 
-    def __init__(self, points: npt.NDArray, radius: float):
-        """Take the map's points (V, 3), level frame."""
-        from scipy.spatial import cKDTree
+    Where two offsets have the same nearest scan it is named once; where the recording has none within half an offset,
+    none is. The order is that of `offsets`.
 
-        self.tree, self.radius = cKDTree(points, balanced_tree=False, compact_nodes=False), radius
+    stamps : (N,) seconds, increasing.
+    """
+    found: list[int] = []
+    for offset in np.atleast_1d(np.asarray(offsets, np.float64)):
+        away = np.abs(stamps - (stamps[index] + offset))
+        j = int(away.argmin())
+        if j != index and j not in found and away[j] <= 0.5 * abs(offset):
+            found.append(j)
+    return found

@@ -8,20 +8,19 @@ moves if its voxel was removed. The map is edited in place: later scans are comp
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from automos.baselines.batches import BATCH, BatchSize, cut_batches
-from automos.baselines.erasor_bins import Rules, Volume, compare_bins
+from automos.baselines.erasor_bins import compare_bins
 from automos.core.geometry import inverse, transform
 from automos.core.kernels import kernel
 from automos.core.scan import Frames, Mask
 from automos.core.voxels import VoxelMap
 
 
-@dataclass(frozen=True)
-class Parameters:
+class Parameters(NamedTuple):
     """As in the authors' large_scale.yaml, their preset for whole sequences.
 
     Attributes
@@ -70,17 +69,6 @@ class Parameters:
     every: int = 4
     batch: BatchSize = BATCH
 
-    @property
-    def volume(self) -> Volume:
-        """The bins around the sensor."""
-        return Volume(self.max_range, self.rings, self.sectors, self.min_height, self.max_height)
-
-    @property
-    def rules(self) -> Rules:
-        """When a bin has changed."""
-        spans = self.bin_max_height, self.min_removed_span
-        return Rules(self.version, self.scan_ratio, self.min_points, *spans, self.plane)
-
 
 def find_moving(frames: Frames, parameters: Parameters, start: int = 0) -> Iterator[tuple[int, Mask]]:
     """Yield (index, (M,) bool) of every frame from `start` on, in order: the points whose voxel ERASOR removed.
@@ -123,8 +111,7 @@ def clean_submap(frames: Frames, submap: range, own: range, parameters: Paramete
             np.int32(k),
             transform(T_body_sensor, frame.points),
             ids,
-            parameters.volume,
-            parameters.rules,
+            parameters,
         )
     for k in own:
         ids = ids_of[k - submap[0]]

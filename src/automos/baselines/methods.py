@@ -58,7 +58,7 @@ def published(name: str) -> Any:
     They are not settings: one compares with what was published. `find_moving` in the method's own module takes others.
     """
     if name == "m_detector":
-        return import_module("automos.baselines.m_detector_parameters").FILES
+        return import_module("automos.baselines.m_detector").FILES
     return import_module(f"automos.baselines.{name}").Parameters()
 
 

@@ -12,16 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.baselines.batches import (
-    BATCH,
-    Batch,
-    BatchSize,
-    KeptMap,
-    add_points,
-    cut_batches,
-    labels_of_voxels,
-    spare_near_kept,
-)
+from automos.baselines.batches import BATCH, Batch, BatchSize, add_points, cut_batches, labels_by_map
 from automos.baselines.brick_grid import BrickGrid
 from automos.baselines.height_images import HEIGHT_IMAGES, HeightImages, find_ground
 from automos.core.geometry import transform
@@ -65,12 +56,8 @@ def find_moving(frames: Frames, parameters: Parameters, start: int = 0) -> Itera
     """Yield (index, (M,) bool moving) of every frame from `start` on, in order: the points whose voxel is free."""
     for batch in cut_batches(frames, parameters.batch, start):
         ids_of, is_free, centres = _map_batch(frames, batch, parameters)
-        is_kept = ~is_free
-        kept = KeptMap(centres[is_kept], parameters.kept_within) if parameters.kept_within and is_kept.any() else None
-        for k in batch.own:
-            ids = ids_of[k - batch.frames[0]]
-            is_moving = spare_near_kept(frames[k].points_level, labels_of_voxels(ids, is_free), kept)
-            yield k, _ask_neighbours(frames[k], ids, is_moving, parameters.neighbours)
+        for k, is_moving in labels_by_map(frames, batch, ids_of, is_free, centres, parameters.kept_within):
+            yield k, _ask_neighbours(frames[k], ids_of[k - batch.frames[0]], is_moving, parameters.neighbours)
 
 
 def _map_batch(

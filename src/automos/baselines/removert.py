@@ -13,16 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.baselines.batches import (
-    Batch,
-    BatchSize,
-    KeptMap,
-    add_points,
-    cut_batches,
-    is_within,
-    labels_of_voxels,
-    spare_near_kept,
-)
+from automos.baselines.batches import Batch, BatchSize, add_points, cut_batches, is_within, labels_by_map
 from automos.baselines.range_image import NOTHING, ImageShape, image_shape, nearest_ranges, pixel_of
 from automos.core.geometry import inverse
 from automos.core.kernels import kernel
@@ -75,15 +66,7 @@ def find_moving(frames: Frames, parameters: Parameters, start: int = 0) -> Itera
     for batch in cut_batches(frames, parameters.batch, start):
         mean, ids_of = _aggregate(frames, batch, parameters)
         is_removed = clean_map(mean, frames, batch.frames[:: parameters.every], parameters)
-        within = parameters.kept_within
-        kept = KeptMap(mean[~is_removed], within) if within and not is_removed.all() else None
-        for k in batch.own:
-            yield (
-                k,
-                spare_near_kept(
-                    frames[k].points_level, labels_of_voxels(ids_of[k - batch.frames[0]], is_removed), kept
-                ),
-            )
+        yield from labels_by_map(frames, batch, ids_of, is_removed, mean, parameters.kept_within)
 
 
 def _aggregate(

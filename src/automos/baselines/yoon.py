@@ -13,8 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from automos.baselines.batches import is_within
-from automos.baselines.neighbours_in_time import scans_at
+from automos.baselines.batches import is_within, scans_at
 from automos.baselines.range_image import NOTHING, ImageShape, nearest_ranges, pixel_of, shape_for, shortest_around
 from automos.baselines.regions import grow_regions
 from automos.core.geometry import inverse, transform

@@ -18,8 +18,7 @@ from automos.baselines import yoon
 from automos.baselines.comparison import runs as runs_module
 from automos.baselines.comparison.agreement import Agreement, measure_agreement
 from automos.baselines.comparison.compare import Comparison, compare, write_comparison
-from automos.baselines.comparison.cost import Cost
-from automos.baselines.comparison.effort import Effort
+from automos.baselines.comparison.cost import Cost, Effort
 from automos.baselines.comparison.labelers import TITLES, choose_methods
 from automos.baselines.comparison.runs import MethodRuns
 from automos.cli import app

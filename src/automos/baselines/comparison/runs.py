@@ -18,8 +18,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from automos.baselines.comparison.cost import Cost, read_cost
-from automos.baselines.comparison.effort import Effort
+from automos.baselines.comparison.cost import Cost, Effort, read_cost
 from automos.baselines.comparison.labelers import NEEDS_FUTURE, TITLES, label_scans
 from automos.baselines.methods import published
 from automos.core.atomic import write_raw, write_text
