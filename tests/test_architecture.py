@@ -45,9 +45,9 @@ OPTIONAL = (
 )
 
 OF_TORCH = {
-    *("automos.network.checkpoint", "automos.network.export", "automos.network.losses", "automos.network.model"),
+    *("automos.network.checkpoint", "automos.network.export", "automos.network.module", "automos.network.checkpoint"),
     *(
-        "automos.network.callbacks",
+        "automos.network.module",
         "automos.network.module",
         "automos.network.salsanext",
         "automos.network.training",

@@ -16,8 +16,7 @@ import numpy as np
 from automos.core.geometry import inverse
 from automos.results.open_run import open_run
 from automos.results.run_files import RunFiles
-from automos.writers.cleaning.choice import Choice
-from automos.writers.cleaning.clean import clean
+from automos.writers.cleaning.clean import Choice, clean
 
 
 def path_of(folder: Path) -> np.ndarray:

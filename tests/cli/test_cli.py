@@ -17,7 +17,7 @@ from worlds import World, iou_of_moving, lane, write_bins
 
 from automos import __version__, cli, labeling
 from automos.cli import main
-from automos.cli.consoles import output
+from automos.cli.options import output
 from automos.core.claims import MARK
 from automos.core.labels import Label, to_mos
 from automos.core.pose_writers import write_kitti, write_tum

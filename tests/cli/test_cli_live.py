@@ -22,10 +22,10 @@ from velodyne_packets import udp, write_pcap  # noqa: E402
 
 from automos.labeler import Labeler  # noqa: E402
 from automos.live.message import Sender, decode  # noqa: E402
+from automos.live.opening import VelodyneAssembler  # noqa: E402
 from automos.live.run import run_live  # noqa: E402
 from automos.live.segment import results_writer, segment_recording  # noqa: E402
 from automos.live.udp import UdpFeed  # noqa: E402
-from automos.live.velodyne import VelodyneAssembler  # noqa: E402
 from automos.readers import open_sequence  # noqa: E402
 from automos.settings import load_settings  # noqa: E402
 

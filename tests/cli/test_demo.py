@@ -13,8 +13,7 @@ import pytest
 from automos.cli.demo import run_demo
 from automos.core.errors import InputError
 from automos.settings import load_settings
-from automos.views.topdown import COLORS
-from automos.views.verdicts import MOVING
+from automos.views.topdown import COLORS, MOVING
 
 ALONE = """
 import socket, sys

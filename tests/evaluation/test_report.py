@@ -7,8 +7,8 @@ from rich.console import Console
 
 from automos.core.errors import InputError
 from automos.core.labels import Label, to_mos
+from automos.evaluation.boxes import objects_table
 from automos.evaluation.moving import RANGES, Counts
-from automos.evaluation.objects_table import objects_table
 from automos.evaluation.report import Report, Result, evaluate_folder, evaluate_recordings
 from automos.readers import open_recordings, open_sequence
 

@@ -5,9 +5,8 @@ from pathlib import Path
 import pytest
 from small_fleet import N_SCANS, result_files, write_recording
 
-from automos.fleet.executors import Executor, InProcess
 from automos.fleet.label import Resources, label_fleet
-from automos.fleet.local_pool import LocalPool
+from automos.fleet.local_pool import Executor, InProcess, LocalPool
 from automos.fleet.sources import find_all
 from automos.fleet.status import read_status
 from automos.settings import Settings, load_settings

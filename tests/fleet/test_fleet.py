@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import pytest
 
-from automos.fleet.executors import Executor
 from automos.fleet.fleet import MAX_TRIES, label_all
 from automos.fleet.ledger import Ledger
+from automos.fleet.local_pool import Executor
 from automos.fleet.orders import Ended, Job, Kind, Order, Recording, Report, State, Unit
 from automos.settings import load_settings
 

@@ -16,10 +16,9 @@ from small_fleet import N_SCANS, result_files, write_recording
 from automos.core.errors import InputError
 from automos.core.geometry import make_transform
 from automos.core.pose_writers import write_kitti
-from automos.fleet.executors import InProcess
 from automos.fleet.fleet import Outcome
 from automos.fleet.label import Resources, closing_lines, has_one_process_enough, label_fleet, make_executor
-from automos.fleet.local_pool import LocalPool
+from automos.fleet.local_pool import InProcess, LocalPool
 from automos.fleet.orders import Recording
 from automos.fleet.publishing import MARKER
 from automos.fleet.sources import find_all

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from automos.cli.consoles import output
+from automos.cli.options import output
 from automos.core.errors import InputError
 from automos.fleet.ledger import Ledger, ledger_name
 from automos.fleet.orders import Job, Order, Recording, Report, State, Unit

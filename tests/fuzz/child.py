@@ -86,7 +86,7 @@ def fuzz_packets(rng: random.Random, work: Path) -> None:
     """Decode what a running sensor sends, some of it damaged, lost, twice, in another order, at odd times."""
     from room_packets import room_packets
 
-    from automos.live.velodyne import VelodyneAssembler
+    from automos.live.opening import VelodyneAssembler
 
     packets = [list(one) for one in room_packets(3)]
     for _ in range(rng.choice((1, 3, 30))):

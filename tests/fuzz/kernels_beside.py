@@ -18,7 +18,7 @@ from automos.baselines import (
     yoon,
 )
 from automos.baselines.brick_grid import BrickGrid
-from automos.network import cleanup, projection, residuals
+from automos.network import cleanup, images, projection
 from automos.readers import lzf
 from automos.readers import range_image as waymo_image
 from automos.readers.packets import pcap, sweeps
@@ -84,8 +84,8 @@ def _network(points: np.ndarray) -> None:
         pixels, ranges = projection.project(points, grid)
         index = projection.nearest_points(pixels, ranges, grid.size)
         now = np.resize(points[:, 0], (16, 64))
-        residuals.residual_images(now, [points], np.stack([np.eye(4)]), grid)
-        residuals.residual_images(now, [points], np.resize(points, (1, 4, 4)), grid)
+        images.residual_images(now, [points], np.stack([np.eye(4)]), grid)
+        images.residual_images(now, [points], np.resize(points, (1, 4, 4)), grid)
         image = SimpleNamespace(pixels=pixels, ranges=ranges, channels=np.stack([now]), index=index)
         cleanup.vote(image, np.resize(points[:, 1], (16, 64)))
 

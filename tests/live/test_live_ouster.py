@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from automos.core.errors import AutomosError, InputError
-from automos.live.ouster import OusterAssembler
+from automos.live.opening import OusterAssembler
 
 
 def test_metadata_that_is_none_is_told(tmp_path):

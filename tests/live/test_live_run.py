@@ -15,12 +15,10 @@ from automos.core.errors import InputError
 from automos.core.parallel import one_ahead
 from automos.core.scan import Scan
 from automos.labeler import LabelledScan
-from automos.live.feed import Feed, Replay
-from automos.live.latest import Latest
-from automos.live.opening import open_feed
+from automos.live.feed import Feed, Latest, Replay
+from automos.live.opening import VelodyneAssembler, open_feed
 from automos.live.run import Tally, run_live
 from automos.live.udp import UdpFeed, parse_address
-from automos.live.velodyne import VelodyneAssembler
 
 
 @dataclass

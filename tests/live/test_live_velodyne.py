@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from velodyne_packets import hdl64e_packets, udp, write_pcap
 
-from automos.live.velodyne import VelodyneAssembler
+from automos.live.opening import VelodyneAssembler
 from automos.readers import open_sequence
 
 pytest.importorskip("velodyne_decoder", reason="packets need velodyne-decoder: pip install '.[velodyne]'")

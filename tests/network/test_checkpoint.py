@@ -5,9 +5,14 @@ import pytest
 torch = pytest.importorskip("torch", reason="the network needs PyTorch: pip install '.[train]'")
 
 from automos.core.errors import InputError  # noqa: E402
-from automos.network.checkpoint import Checkpoint, load_checkpoint, require_shape, save_checkpoint  # noqa: E402
+from automos.network.checkpoint import (  # noqa: E402
+    Checkpoint,
+    LMNet,
+    load_checkpoint,
+    require_shape,
+    save_checkpoint,
+)
 from automos.network.deployed import load_network  # noqa: E402
-from automos.network.model import LMNet  # noqa: E402
 from automos.settings import ImageSettings, ModelSettings  # noqa: E402
 
 IMAGE, MODEL = ImageSettings(height=16, width=64, residuals=2), ModelSettings(channels=4)

@@ -10,10 +10,13 @@ for package in ("onnx", "onnxruntime", "onnxscript"):
     pytest.importorskip(package, reason=f"exporting needs {package}: pip install '.[deploy]'")
 
 from automos.core.errors import AutomosError, InputError  # noqa: E402
-from automos.network.checkpoint import Checkpoint  # noqa: E402
+from automos.network.checkpoint import (  # noqa: E402
+    Checkpoint,
+    LMNet,
+    MovingProbability,
+)
 from automos.network.deployed import load_network  # noqa: E402
 from automos.network.export import export_onnx  # noqa: E402
-from automos.network.model import LMNet, MovingProbability  # noqa: E402
 from automos.settings import ImageSettings, ModelSettings  # noqa: E402
 
 IMAGE, MODEL = ImageSettings(height=16, width=64, residuals=2), ModelSettings(channels=4)

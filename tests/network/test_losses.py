@@ -7,7 +7,7 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="the network needs PyTorch: pip install '.[train]'")
 
-from automos.network.losses import lovasz_softmax, segmentation_loss  # noqa: E402
+from automos.network.module import lovasz_softmax, segmentation_loss  # noqa: E402
 
 
 def logits_of(probability: list[list[float]]):

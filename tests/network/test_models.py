@@ -3,8 +3,8 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="the network needs PyTorch: pip install '.[train]'")
 
+from automos.network.checkpoint import Class, LMNet, MovingProbability  # noqa: E402
 from automos.network.images import BASE_CHANNELS  # noqa: E402
-from automos.network.model import Class, LMNet, MovingProbability  # noqa: E402
 from automos.settings import ImageSettings, ModelSettings  # noqa: E402
 
 

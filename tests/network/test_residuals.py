@@ -3,8 +3,8 @@ import pytest
 from grids import even_grid
 
 from automos.core.geometry import inverse, make_transform, transform
+from automos.network.images import pick_past, residual_images
 from automos.network.projection import nearest_points, project
-from automos.network.residuals import pick_past, residual_images
 
 GRID = even_grid(16, 64, 10, -10)
 

@@ -18,11 +18,9 @@ from pytorch_lightning.callbacks import EarlyStopping  # noqa: E402
 
 from automos.core.errors import InputError  # noqa: E402
 from automos.evaluation.moving import Counts, count  # noqa: E402
-from automos.network.callbacks import Told  # noqa: E402
 from automos.network.checkpoint import load_checkpoint  # noqa: E402
 from automos.network.deployed import load_network  # noqa: E402
-from automos.network.losses import segmentation_loss  # noqa: E402
-from automos.network.module import Training  # noqa: E402
+from automos.network.module import Told, Training, segmentation_loss  # noqa: E402
 from automos.network.online import OnlineSegmenter  # noqa: E402
 from automos.network.recordings import Source  # noqa: E402
 from automos.network.train import TrainingData, train  # noqa: E402

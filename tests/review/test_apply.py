@@ -17,11 +17,9 @@ from automos.results.open_run import open_run
 from automos.results.run_files import RunFiles
 from automos.review import apply
 from automos.review.apply import reapply, rewrite_scan
-from automos.review.changes import Changes, decided_labels
-from automos.review.decisions import Cover, Decision, append_decisions, read_decisions
+from automos.review.decisions import Cover, Decision, append_decisions, cover_tracks, match, read_decisions
 from automos.review.log import key_of_changes
-from automos.review.matching import cover_tracks, match
-from automos.review.run_stages import RunStages
+from automos.review.run_stages import Changes, RunStages, decided_labels
 
 AT = "2026-01-02T03:04:05+00:00"
 

@@ -16,10 +16,9 @@ from automos.readers import open_sequence
 from automos.results.open_run import open_run
 from automos.review import sample as sample_module
 from automos.review import scenes
-from automos.review.changes import Changes
 from automos.review.looking import Looking
 from automos.review.quality import Estimate, ratio, recall, share, total_of_moments
-from automos.review.run_stages import RunStages
+from automos.review.run_stages import Changes, RunStages
 from automos.review.sample import append_answer, draw, estimate, read_answers, read_sample, save_sample, strata
 from automos.review.session import Session
 

@@ -18,8 +18,7 @@ from automos.objects.verdict import Verdict, Verdicts
 from automos.readers import open_sequence
 from automos.results.open_run import open_run
 from automos.review.apply import rewrite_run, rewrite_scan
-from automos.review.changes import Changes
-from automos.review.run_stages import RunStages
+from automos.review.run_stages import Changes, RunStages
 from automos.review.server import ReviewServer
 from automos.review.session import Session
 from automos.settings import load_settings

@@ -2,9 +2,9 @@
 
 from automos.core import workspace
 from automos.results.open_run import open_run
-from automos.review.gain import Gain
 from automos.review.pictures import Pictures
 from automos.review.session import Session
+from automos.review.writer import Gain
 
 
 def test_a_review_starts_without_reading_scan_after_scan(lane_run, monkeypatch):

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from automos.readers import open_sequence
+from automos.review.queue import weigh
 from automos.review.run_stages import RunStages
-from automos.review.stake import weigh
 
 
 def test_points_that_the_tracking_counted_are_those_of_all_scans(lane_run, monkeypatch):

@@ -6,9 +6,8 @@ import io
 import matplotlib.image
 import numpy as np
 
-from automos.views.ground_map import REACH, GroundMap
-from automos.views.png import palette_png
-from automos.views.verdicts import MISSED, MOVING, STATIC
+from automos.views.ground_map import REACH, GroundMap, palette_png
+from automos.views.topdown import MISSED, MOVING, STATIC
 
 
 def read(address):

@@ -15,8 +15,7 @@ from automos.labeling import label_recording
 from automos.readers import open_sequence
 from automos.results.open_run import open_run
 from automos.settings import load_settings
-from automos.views.page_files import script_json
-from automos.views.report import write_report
+from automos.views.report import script_json, write_report
 from automos.views.survey import survey
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from automos.views.trust import trust_in
+from automos.views.caveats import trust_in
 
 FINE = {"odometry": {"warnings": [], "wall_thickness_m": 0.028}}
 

@@ -16,7 +16,7 @@ from automos.results.open_run import open_run
 from automos.views import rerun_log
 from automos.views.rerun_layout import blueprint
 from automos.views.rerun_log import log_run, make_recording
-from automos.views.verdicts import FALSE, MISSED, MOVING, STATIC, UNLABELED, verdicts
+from automos.views.topdown import FALSE, MISSED, MOVING, STATIC, UNLABELED, verdicts
 from automos.views.viewer import Viewer, save_recording
 
 rerun = pytest.importorskip("rerun", reason="the viewer is not installed: pip install '.[view]'")

@@ -97,7 +97,7 @@ def test_opensceneflow_finds_all_that_its_loader_asks_for(run, tmp_path):
 
 def test_opensceneflow_finds_the_last_scan_although_it_compares_times_as_text(run, tmp_path, monkeypatch):
     h5py = pytest.importorskip("h5py", reason="reading needs h5py: pip install '.[flow]'")
-    monkeypatch.setattr("automos.writers.opensceneflow.timestamps", lambda run: ["0", "900000000", "1000000000"])
+    monkeypatch.setattr("automos.writers.flow.timestamps", lambda run: ["0", "900000000", "1000000000"])
     out = export(run, "opensceneflow", tmp_path / "h5")
     times = [stamp for _, stamp in pickle.loads((out / "index_total.pkl").read_bytes())]
     assert times == sorted(times) == ["0000000000", "0900000000", "1000000000"]
@@ -136,8 +136,6 @@ def test_names_that_count_microseconds_are_written_as_nanoseconds(tmp_path):
 def test_opensceneflow_gets_ids_above_zero_of_whatever_tracks(run, tmp_path, monkeypatch):
     h5py = pytest.importorskip("h5py")
     ids = np.array([0, 1, 32767, 32768, 65536, 70000])
-    monkeypatch.setattr(
-        "automos.writers.opensceneflow.scan_flow", lambda run, k: replace(scan_flow(run, k), instances=ids)
-    )
+    monkeypatch.setattr("automos.writers.flow.scan_flow", lambda run, k: replace(scan_flow(run, k), instances=ids))
     with h5py.File(export(run, "opensceneflow", tmp_path / "out") / "street.h5") as file:
         assert file[NANOSECONDS[0]]["flow_instance_id"][:].tolist() == [0, 1, 32767, 1, 2, 4466]

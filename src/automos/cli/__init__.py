@@ -11,9 +11,7 @@ from typing import Annotated, NoReturn
 import typer
 from rich.text import Text
 
-from automos.cli.check import check_app
 from automos.cli.compare import compare_app
-from automos.cli.consoles import console, output, set_up_logging
 from automos.cli.formats import formats_app
 from automos.cli.hand_on import hand_on_app
 from automos.cli.label import label_app
@@ -21,8 +19,7 @@ from automos.cli.live import live_app
 from automos.cli.look import look_app
 from automos.cli.memory import require_memory
 from automos.cli.network import network_app
-from automos.cli.options import on_this_machine
-from automos.cli.ros2 import ros2_app
+from automos.cli.options import console, on_this_machine, output, set_up_logging
 from automos.cli.score import score_app
 from automos.cli.worlds import worlds_app
 from automos.core.atomic import is_full
@@ -39,7 +36,6 @@ app = typer.Typer(
 )
 for group in (
     label_app,
-    check_app,
     score_app,
     formats_app,
     hand_on_app,
@@ -47,7 +43,6 @@ for group in (
     compare_app,
     network_app,
     live_app,
-    ros2_app,
     worlds_app,
 ):
     for command in group.registered_commands:

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from automos.cli.consoles import console, output
-from automos.cli.options import Calib, Format, Poses, Recording, Workers
+from automos.cli.options import Calib, Format, Poses, Recording, Workers, console, output
 
 if TYPE_CHECKING:
     from automos.writers.maps.make_map import MadeMap

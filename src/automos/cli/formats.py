@@ -5,8 +5,7 @@ from typing import Annotated
 
 import typer
 
-from automos.cli.consoles import console, output
-from automos.cli.options import Format
+from automos.cli.options import Format, console, output
 
 formats_app = typer.Typer()
 

@@ -6,8 +6,7 @@ from typing import Annotated
 
 import typer
 
-from automos.cli.consoles import console, output
-from automos.cli.options import Format
+from automos.cli.options import Format, console, output
 from automos.core.errors import InputError
 
 hand_on_app = typer.Typer()
@@ -76,7 +75,7 @@ def clean(
     """
     from automos.core.progress import StageProgress
     from automos.results.open_run import open_run
-    from automos.writers.cleaning.choice import Choice
+    from automos.writers.cleaning.clean import Choice
     from automos.writers.cleaning.clean import clean as clean_recording
 
     if keep_unsure and only_movers:

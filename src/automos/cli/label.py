@@ -8,8 +8,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from automos.cli.consoles import console, output
-from automos.cli.options import Calib, Format, Overrides, Poses, Preset, Rate, Recordings, SettingsFile, Workers
+from automos.cli.options import (
+    Calib,
+    Format,
+    Overrides,
+    Poses,
+    Preset,
+    Rate,
+    Recordings,
+    SettingsFile,
+    Workers,
+    console,
+    output,
+)
 
 if TYPE_CHECKING:
     from automos.fleet.label import Resources

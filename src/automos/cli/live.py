@@ -1,4 +1,4 @@
-"""The command `live`: label the scans of a running sensor."""
+"""The commands `live` and `ros2`: label the scans of a running sensor, or the clouds of a robot's ROS 2."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.markup import escape
 
-from automos.cli.consoles import console, output
-from automos.cli.options import Format, Lag, Overrides, Rate, SettingsFile
+from automos.cli.options import Format, Lag, Overrides, Rate, SettingsFile, console, output
 from automos.core.errors import plain
 
 if TYPE_CHECKING:
@@ -141,3 +140,42 @@ class _Line:
         elif time.monotonic() >= self._next:
             console.print(f"{self._name}: {how}", markup=False, highlight=False)
             self._next = time.monotonic() + self.EVERY * (tally.labelled > 0)
+
+
+@live_app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})
+def ros2(
+    ctx: typer.Context,
+    lag: Lag = 0.0,
+    settings: SettingsFile = None,
+    set_: Overrides = None,
+) -> None:
+    """Label the clouds of topic points as a ROS 2 node. Ctrl-C ends it.
+
+    Publishes ~/points_labelled, ~/points_static, ~/odometry, ~/boxes.
+
+    [bold]Examples[/bold]
+
+    automos ros2 --ros-args -r points:=/ouster/points
+
+    automos ros2 --lag 0.5 --ros-args -r points:=/velodyne_points -p publish_odom_tf:=true
+    """
+    import automos
+    from automos.compiling import LINE, is_cold
+    from automos.live.ros2.feed import RosFeed
+    from automos.live.ros2.publishing import Publisher
+    from automos.live.run import run_live
+    from automos.settings import load_settings, read_overrides
+
+    chosen = load_settings("default", settings, read_overrides(set_))
+    feed = RosFeed(ctx.args)
+    try:
+        publish = Publisher(feed)
+        console.print(LINE if is_cold() else "getting ready", markup=False)
+        labeler = automos.Labeler(chosen, lag=lag)
+        labeler.warm_up()
+        console.print(f"waiting for clouds on {feed.topic} (Ctrl-C ends it)", markup=False)
+        tally = run_live(feed, labeler, [publish])
+    finally:
+        feed.close()
+    for sentence in (tally.sentence(feed.name), feed.summary()):
+        output.print(sentence, markup=False)

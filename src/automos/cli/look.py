@@ -6,8 +6,7 @@ from typing import Annotated
 
 import typer
 
-from automos.cli.consoles import console, output
-from automos.cli.options import Format
+from automos.cli.options import Format, console, output
 
 look_app = typer.Typer()
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from automos.cli.consoles import console, output
-from automos.cli.options import Format, Recording, SettingsFile
+from automos.cli.options import Format, Recording, SettingsFile, console, output
 from automos.core.errors import InputError
 
 if TYPE_CHECKING:

@@ -1,15 +1,49 @@
-"""The commands `evaluate` and `drift`: score labels and poses against ground truth."""
+"""The commands `check`, `evaluate`, `drift`: whether a recording can be labelled; scores against ground truth."""
 
 import json
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from automos.cli.consoles import output
-from automos.cli.options import Format, Recording
+from automos.cli.options import Format, Recording, output
 
 score_app = typer.Typer()
+
+
+@score_app.command()
+def check(
+    recording: Recording,
+    format: Format = None,
+    as_json: Annotated[bool, typer.Option("--json", help="print all that was found as JSON")] = False,
+) -> None:
+    """Say what a recording is, what will be assumed of it, and whether it can be labelled; make no labels.
+
+    It reads headers and at most 20 scans. The exit code is 0, 1 where there are doubts, 2 where it cannot be labelled.
+
+    [bold]Examples[/bold]
+
+    automos check my_log/
+
+    automos check my_log/ --columns x,y,z,intensity,ring,time
+
+    automos check drive.bag --json
+    """
+    from automos.core.errors import AutomosError, plain
+    from automos.fleet.sources import find_all
+    from automos.views.checking import check as check_recordings
+
+    found = check_recordings(recording, format)
+    with suppress(AutomosError):  # found has it
+        if found[0].error and len(several := find_all(str(recording), format)) > 1:  # as `label` takes them
+            found = [each for one in several for each in check_recordings(one.source, one.format)]
+    if as_json:
+        output.print(json.dumps([one.to_dict() for one in found], indent=1), markup=False, soft_wrap=True)
+    else:
+        for one in found:
+            output.print(plain("\n".join(one.lines())), markup=False, highlight=False, soft_wrap=True)
+    raise typer.Exit(max(one.exit_code for one in found))
 
 
 @score_app.command()
@@ -25,7 +59,7 @@ def evaluate(
     """
     from automos.core.atomic import write_text
     from automos.core.claims import SIGN, claim_file
-    from automos.evaluation.objects_table import objects_table
+    from automos.evaluation.boxes import objects_table
     from automos.evaluation.report import evaluate_recordings
     from automos.readers import open_recordings
     from automos.results.box_scores import score_boxes
@@ -56,6 +90,6 @@ def drift(
     calib: Annotated[Path | None, typer.Option(help="calib.txt with Tr:, if the reference is the camera's")] = None,
 ) -> None:
     """Score poses against a reference: absolute and relative errors, KITTI's t_err and r_err."""
-    from automos.evaluation.drift_report import compare_trajectories
+    from automos.evaluation.trajectory import compare_trajectories
 
     output.print(compare_trajectories(estimate, reference, calib))

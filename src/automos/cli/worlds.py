@@ -5,8 +5,7 @@ from typing import Annotated
 
 import typer
 
-from automos.cli.consoles import console, output
-from automos.cli.options import Preset
+from automos.cli.options import Preset, console, output
 from automos.core.errors import InputError
 
 worlds_app = typer.Typer()

@@ -10,8 +10,8 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 
-from automos.fleet.executors import Executor
 from automos.fleet.ledger import Ledger
+from automos.fleet.local_pool import Executor
 from automos.fleet.orders import Ended, Job, Kind, Order, Recording, Report, State, Unit
 from automos.fleet.storage import is_url
 

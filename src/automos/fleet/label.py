@@ -8,16 +8,14 @@ from pathlib import Path
 from automos.core.errors import InputError
 from automos.core.parallel import available_cores, checked_workers
 from automos.core.workspace import RUN_FILE
-from automos.fleet.executors import Executor, InProcess
 from automos.fleet.fleet import Outcome, Progress, label_all
 from automos.fleet.ledger import Ledger, ledger_folder, ledger_name
-from automos.fleet.local_pool import LocalPool
-from automos.fleet.machine import memory_bytes
+from automos.fleet.local_pool import Executor, InProcess, LocalPool
 from automos.fleet.orders import Job, Recording
 from automos.fleet.status import read_status
 from automos.fleet.storage import is_url, join, key_of, shown
 from automos.fleet.units import settings_key
-from automos.fleet.work_folder import default_work, work_folder
+from automos.fleet.work_folder import default_work, memory_bytes, work_folder
 from automos.readers import open_sequence
 from automos.results.claiming import refuse_scans
 from automos.results.writing import versions

@@ -7,9 +7,9 @@ from typing import Any
 from automos.core.errors import InputError, MissingExtraError
 from automos.core.extras import pip_install
 from automos.core.working_folder import SAFE_PATH, standing_elsewhere
-from automos.fleet.executors import Executor
-from automos.fleet.machine import thread_limits
+from automos.fleet.local_pool import Executor
 from automos.fleet.orders import Ended, Order, Report
+from automos.fleet.work_folder import thread_limits
 
 _log = logging.getLogger(__name__)
 

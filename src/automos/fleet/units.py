@@ -20,11 +20,10 @@ from automos.core.errors import AutomosError
 from automos.core.scan import Sequence
 from automos.core.workspace import Workspace, fingerprint
 from automos.fleet.cache import Cache
-from automos.fleet.machine import cpu_seconds, peak_megabytes, place
 from automos.fleet.orders import Job, Kind, Order, Recording, Report, State
 from automos.fleet.publishing import Marker, publish, read_marker, require_ours, withdraw
 from automos.fleet.storage import StoreError, is_url, key_of
-from automos.fleet.work_folder import claim
+from automos.fleet.work_folder import claim, cpu_seconds, peak_megabytes, place
 from automos.labeling import given_poses, label_recording, require_same_poses
 from automos.pipeline import Steps
 from automos.readers import open_sequence

@@ -92,8 +92,7 @@ def _load_torch(weights: Path, device: str, threads: int) -> Deployed:
         )
     import torch
 
-    from automos.network.checkpoint import load_checkpoint
-    from automos.network.model import MovingProbability
+    from automos.network.checkpoint import MovingProbability, load_checkpoint
 
     has_gpu = torch.cuda.is_available()
     if device == "gpu" and not has_gpu:

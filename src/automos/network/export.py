@@ -13,10 +13,9 @@ from automos.core.atomic import atomic_path
 from automos.core.claims import claim_file, remove
 from automos.core.errors import AutomosError, MissingExtraError
 from automos.core.extras import pip_install
-from automos.network.checkpoint import Checkpoint
+from automos.network.checkpoint import Checkpoint, MovingProbability
 from automos.network.deployed import METADATA, load_network
 from automos.network.images import BASE_CHANNELS, FORMAT
-from automos.network.model import MovingProbability
 
 TOLERANCE = 1e-3
 """Largest difference of a probability that is a matter of rounding."""

@@ -19,10 +19,9 @@ from automos.core.labels import Label
 from automos.core.scan import Frame, Points, Pose, Scan
 from automos.network.cleanup import vote
 from automos.network.deployed import Deployed
-from automos.network.images import Window, make_image
+from automos.network.images import MIN_RANGE, SPACING, Window, make_image, pick_past
 from automos.network.projection import ImageGrid
 from automos.network.recordings import measure_grid
-from automos.network.residuals import MIN_RANGE, SPACING, pick_past
 from automos.odometry.compensation import frame_of
 from automos.odometry.estimator import Moved, Odometry
 from automos.odometry.sweep_timing import SweepTiming

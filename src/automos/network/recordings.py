@@ -23,9 +23,8 @@ from automos.core.run import Progress
 from automos.core.scan import Frame, Sequence
 from automos.core.workspace import Workspace, fingerprint
 from automos.evaluation.predictions import find_predictions
-from automos.network.images import Window, thin
+from automos.network.images import SPACING, Window, pick_past, thin
 from automos.network.projection import ImageGrid, beam_grid
-from automos.network.residuals import SPACING, pick_past
 from automos.odometry.estimate import estimate_trajectory
 from automos.odometry.trajectory import Trajectory, make_frame
 from automos.readers import open_recordings

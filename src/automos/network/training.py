@@ -27,9 +27,8 @@ from torch.utils.data import DataLoader
 
 from automos.core.errors import InputError
 from automos.core.parallel import available_cores
-from automos.network.callbacks import Kept, Told
 from automos.network.checkpoint import Checkpoint, load_checkpoint, require_shape, save_checkpoint
-from automos.network.module import MONITORED, Training
+from automos.network.module import MONITORED, Kept, Told, Training
 from automos.settings import NetworkSettings, TrainingSettings
 
 _PATIENCE = 30

@@ -10,13 +10,11 @@ import numpy as np
 
 from automos.core.errors import AutomosError, InputError
 from automos.review.amendments import Amendment
-from automos.review.changes import Changes
 from automos.review.proposals import Proposer
-from automos.review.run_stages import RunStages
-from automos.review.scenes import scene
-from automos.review.subjects import subject_of_amendment
+from automos.review.reshaping import OnScan, Way, proposed
+from automos.review.run_stages import Changes, RunStages
+from automos.review.scenes import scene, subject_of_amendment
 from automos.review.waiting import Waiting
-from automos.review.ways import OnScan, Way, proposed
 
 _log = logging.getLogger(__name__)
 

@@ -22,11 +22,9 @@ from automos.core.workspace import REVIEWED, RUN_FILE, UNFINISHED, Workspace
 from automos.results.point_files import write_points
 from automos.results.tracks_file import box_entry, track_entries, write_tracks
 from automos.review.amendments import Amendment, ever_made, in_scans, read_amendments
-from automos.review.changes import Changes, changed_labels, number_of, replaced, scans_of
-from automos.review.decisions import Decision, read_decisions
+from automos.review.decisions import Decision, ever_decided, match, read_decisions
 from automos.review.log import key_of_changes
-from automos.review.matching import ever_decided, match
-from automos.review.run_stages import RunStages
+from automos.review.run_stages import Changes, RunStages, changed_labels, number_of, replaced, scans_of
 
 RECORD = Lock()
 """Held while run.json is read and written again: decisions and answers come from several threads."""

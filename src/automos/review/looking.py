@@ -9,10 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
-from automos.review.changes import Changes
-from automos.review.places import place
 from automos.review.proposals import Proposer
-from automos.review.run_stages import RunStages
+from automos.review.run_stages import Changes, RunStages
 from automos.review.sample import (
     ANSWERS,
     SAMPLE_FILE,
@@ -28,8 +26,7 @@ from automos.review.sample import (
     save_sample,
     strata,
 )
-from automos.review.scenes import scene
-from automos.review.subjects import Subject, subject_of_track
+from automos.review.scenes import Subject, place, scene, subject_of_track
 
 AROUND = 1.5
 """Seconds before and after a point that are shown with it."""

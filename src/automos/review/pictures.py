@@ -11,9 +11,8 @@ from automos.results.run_files import RunFiles
 from automos.results.tracks_file import track_entries
 from automos.review.amendments import Amendment
 from automos.review.apply import amended_entry
-from automos.review.changes import Changes, number_of
 from automos.review.queue import Queue
-from automos.review.run_stages import RunStages
+from automos.review.run_stages import Changes, RunStages, number_of
 from automos.review.waiting import Waiting
 from automos.views.thumbnails import Thumbnails
 

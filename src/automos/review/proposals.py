@@ -21,8 +21,8 @@ from automos.objects.tracks import Tracks
 from automos.objects.verdict import Verdict, Verdicts
 from automos.readers.box_truth import SOLE
 from automos.review.follow import follow_segment
+from automos.review.reshaping import Found, OnScan, Way
 from automos.review.run_stages import RunStages
-from automos.review.ways import Found, OnScan, Way
 
 REACH = 1.5
 """Metres around a click within which a point is looked for."""

@@ -9,16 +9,13 @@ from automos.core.errors import InputError
 from automos.results.run_files import RunFiles
 from automos.review.amendments import Amendment, append_amendments, append_verdicts, new_keys
 from automos.review.apply import note_applied, read_changes
-from automos.review.changes import number_of, scans_of
 from automos.review.concerns import note_concerns
-from automos.review.decisions import CHOICES, Decision, append_decisions
-from automos.review.gain import Gain
+from automos.review.decisions import CHOICES, Decision, append_decisions, cover_tracks
 from automos.review.log import now
-from automos.review.matching import cover_tracks
 from automos.review.queue import Queue
-from automos.review.run_stages import RunStages
+from automos.review.run_stages import RunStages, number_of, scans_of
 from automos.review.waiting import Waiting
-from automos.review.writer import Writer
+from automos.review.writer import Gain, Writer
 
 
 class Record:

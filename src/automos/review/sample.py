@@ -19,10 +19,9 @@ from automos.core.upright_boxes import Boxes, points_in_boxes
 from automos.core.workspace import RUN_FILE, Workspace
 from automos.objects.verdict import Verdict
 from automos.review.apply import RECORD
-from automos.review.changes import Changes, changed_labels, decided_verdicts
 from automos.review.log import append_lines, key_of_changes, now, read_lines
 from automos.review.quality import Estimate, recall, share, total_of_moments
-from automos.review.run_stages import RunStages
+from automos.review.run_stages import Changes, RunStages, changed_labels, decided_verdicts
 
 SAMPLE_FILE = "sample.json"
 FRINGE = 0.5

@@ -28,7 +28,7 @@ from automos.core.errors import AutomosError, InputError
 from automos.core.reading import parse_json
 from automos.review.api import ASKED, MAX_BODY, SAID
 from automos.review.session import Session
-from automos.views.page_files import page_text
+from automos.views.report import page_text
 
 _log = logging.getLogger(__name__)
 

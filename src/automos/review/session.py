@@ -14,18 +14,15 @@ from automos.results.run_warnings import general_sentences
 from automos.review.ahead import GivenUpError, Proposals, What
 from automos.review.amendments import Amendment
 from automos.review.apply import is_applied, reapply
-from automos.review.changes import Changes
 from automos.review.log import now
 from automos.review.looking import open_sample
 from automos.review.pictures import Pictures
-from automos.review.places import place
 from automos.review.proposals import Proposer
 from automos.review.queue import Queue
 from automos.review.record import Record
 from automos.review.reshaping import as_amendment, cut, join, split
-from automos.review.run_stages import RunStages
-from automos.review.scenes import scene
-from automos.review.subjects import Subject, subject_of_amendment, subject_of_track
+from automos.review.run_stages import Changes, RunStages
+from automos.review.scenes import Subject, place, scene, subject_of_amendment, subject_of_track
 from automos.review.waiting import Waiting
 
 AHEAD = 3

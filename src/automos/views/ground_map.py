@@ -1,12 +1,29 @@
 """The area of a recording from above: static points grey, moving green, errors red and blue."""
 
+import base64
+import io
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from automos.views.png import data_url, palette_png
-from automos.views.verdicts import FALSE, MISSED, MOVING, STATIC
+from automos.views.topdown import FALSE, MISSED, MOVING, STATIC
+
+
+def palette_png(image: npt.NDArray[np.uint8], colors: npt.NDArray[np.uint8]) -> bytes:
+    """Return a PNG file of `image` (H, W) uint8, rows from the top, whose values index `colors` (K, 4) uint8 RGBA."""
+    from PIL import Image
+
+    file, picture = io.BytesIO(), Image.fromarray(np.ascontiguousarray(image))
+    picture.putpalette(colors.tobytes(), "RGBA")
+    picture.save(file, "PNG", optimize=True)
+    return file.getvalue()
+
+
+def data_url(png: bytes) -> str:
+    """Return `png` as the address of an image that is part of the page itself."""
+    return "data:image/png;base64," + base64.b64encode(png).decode()
+
 
 REACH = 60.0
 """Metres around the trajectory that are drawn."""

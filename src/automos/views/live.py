@@ -11,7 +11,7 @@ from automos.core.scan import Scan
 from automos.labeler import LabelledScan
 from automos.views.rerun_layout import load_rerun, world_view
 from automos.views.rerun_log import show_boxes, show_classes, show_sensor, show_velocities, thin_rows
-from automos.views.verdicts import verdicts
+from automos.views.topdown import verdicts
 from automos.views.viewer import Viewer
 
 EYE = (-28.0, 0.0, 24.0)

@@ -20,7 +20,7 @@ from automos.results.run_files import RunFiles
 from automos.results.run_warnings import sentences_of
 from automos.results.tracks_file import VERDICTS
 from automos.views.rerun_layout import blueprint, load_rerun
-from automos.views.verdicts import MOVING, verdicts
+from automos.views.topdown import MOVING, verdicts
 
 if TYPE_CHECKING:
     import rerun

@@ -14,11 +14,10 @@ from automos.evaluation.moving import Counts, Scores, count
 from automos.evaluation.objects import FOUND, movers_of
 from automos.evaluation.overlaps import Overlaps, count_overlaps
 from automos.results.run_files import RunFiles
-from automos.views.caveats import caveats
+from automos.views.caveats import caveats, trust_in
 from automos.views.ground_map import GroundMap
 from automos.views.thumbnails import Thumbnails
-from automos.views.trust import trust_in
-from automos.views.verdicts import verdicts
+from automos.views.topdown import verdicts
 
 MAX_THUMBNAILS = 900
 """Tracks that get a picture; the least certain and all that moves go first."""

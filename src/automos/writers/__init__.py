@@ -20,13 +20,21 @@ if TYPE_CHECKING:
     from automos.results.run_files import RunFiles
     from automos.writers.formats import Export
 
-_SCAN_FILES = ("panoptic", "instances", "pcd", "ply", "laz")
+_HOMES = {
+    "scan_files": ("panoptic", "instances", "pcd", "ply", "laz", "parquet", "mcap"),
+    "box_files": ("kitti_tracking", "nuscenes", "openlabel"),
+    "nuscenes_tables": ("nuscenes-tables", "t4"),
+    "detector_sets": ("openpcdet", "mmdet3d"),
+    "annotation_tools": ("cvat", "supervisely", "sustech"),
+    "flow": ("flow-av2", "opensceneflow"),
+}
+"""Modules that write several formats; others write one, of their name. Each declares its own as `EXPORTS`."""
 EXPORTS: tuple[str, ...] = (
-    "semantickitti", *_SCAN_FILES, "parquet", "mcap",
+    "semantickitti", "panoptic", "instances", "pcd", "ply", "laz", "parquet", "mcap",
     "kitti_tracking", "nuscenes", "nuscenes-tables", "t4", "openpcdet", "mmdet3d", "openlabel",
     "cvat", "segments", "supervisely", "sustech", "flow-av2", "opensceneflow", "dynamicmap", "ncore", "drivestudio",
 )  # fmt: skip
-"""Formats that results are written in: those of `scan_files`, and a module each, a dash there an underscore."""
+"""Formats that results are written in, in the order in which they are listed."""
 
 
 def load_export(name: str) -> Export:
@@ -41,9 +49,8 @@ def load_export(name: str) -> Export:
     if name not in EXPORTS:
         near = difflib.get_close_matches(name.lower(), EXPORTS, n=1, cutoff=0.0)
         raise InputError(f"unknown format {name!r}; did you mean {near[0]!r}? Known are: {', '.join(EXPORTS)}")
-    home = "scan_files" if name in _SCAN_FILES else name.replace("-", "_")
-    module = importlib.import_module(f"automos.writers.{home}")
-    declared: Export = module.SCAN_FILES[name] if name in _SCAN_FILES else module.EXPORT
+    home = next((module for module, formats in _HOMES.items() if name in formats), name)
+    declared: Export = importlib.import_module(f"automos.writers.{home}").EXPORTS[name]
     return declared
 
 

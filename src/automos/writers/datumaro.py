@@ -8,7 +8,7 @@ from pydantic import BaseModel, Field, TypeAdapter
 
 from automos.core.errors import InputError
 from automos.core.reading import DAMAGE, MAX_TEXT, checked, parse_json, read_json, require_regular
-from automos.writers.cvat import ANNOTATIONS
+from automos.writers.annotation_tools import ANNOTATIONS
 
 
 class _Attributes(BaseModel):

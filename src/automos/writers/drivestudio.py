@@ -18,8 +18,8 @@ from automos.core.scan import Pose
 from automos.objects.kinds import Kind
 from automos.readers.kitti_raw import KittiRawSequence
 from automos.results.run_files import RunFiles
-from automos.results.scan_boxes import Box
-from automos.writers.formats import Export
+from automos.results.run_objects import Box
+from automos.writers.formats import Export, make_folders
 from automos.writers.point_columns import intensity_of
 
 _CAMERAS = (2, 3)
@@ -44,8 +44,7 @@ def write(run: RunFiles, out: Path) -> None:
     if (path := next(missing, None)) is not None:
         raise InputError(f"{path} is missing, and drivestudio asks for the pictures of both cameras: download them")
     masks = [f"dynamic_masks/{kind}" for kind in _MASKS]
-    for folder in ("images", "extrinsics", "intrinsics", "ego_pose", "lidar", "instances", *masks):
-        (out / folder).mkdir(parents=True, exist_ok=True)
+    make_folders(out, "images", "extrinsics", "intrinsics", "ego_pose", "lidar", "instances", *masks)
     cameras = [_write_camera(drive, number, out, name) for name, number in enumerate(_CAMERAS)]
     number_of: dict[int, int] = {}
     objects: dict[str, Any] = {}
@@ -126,4 +125,8 @@ def _write_masks(
             Image.fromarray(mask).save(temporary, "PNG")
 
 
-EXPORT = Export(writes="drivestudio's processed scene: images, lidar, ego_pose, instances, dynamic_masks", write=write)
+EXPORTS = {
+    "drivestudio": Export(
+        writes="drivestudio's processed scene: images, lidar, ego_pose, instances, dynamic_masks", write=write
+    ),
+}

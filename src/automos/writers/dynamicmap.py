@@ -14,13 +14,13 @@ from automos.core.atomic import atomic_path
 from automos.core.geometry import inverse, transform
 from automos.core.labels import Label
 from automos.results.run_files import RunFiles
-from automos.writers.formats import Export
-from automos.writers.pcd import pcd_header, write_pcd
+from automos.writers.formats import Export, make_folders
+from automos.writers.point_columns import pcd_header, write_pcd
 
 
 def write(run: RunFiles, out: Path) -> None:
     """Write `out / pcd / 000000.pcd`, ..., and `out / gt_cloud.pcd`, all of them one after the other."""
-    (out / "pcd").mkdir(parents=True, exist_ok=True)
+    make_folders(out, "pcd")
     T_first_sensor = inverse(run.T_world_sensor[0]) @ run.T_world_sensor
     n_points = 0
     with tempfile.TemporaryFile(dir=out) as together:
@@ -43,6 +43,8 @@ def _columns(run: RunFiles, index: int, T_first_sensor: npt.NDArray[np.float64])
     return {"x": points[:, 0], "y": points[:, 1], "z": points[:, 2], "intensity": is_moving.astype(np.float32)}
 
 
-EXPORT = Export(
-    writes="pcd/*.pcd in the world's frame with VIEWPOINT, gt_cloud.pcd: DynamicMap_Benchmark, dufomap", write=write
-)
+EXPORTS = {
+    "dynamicmap": Export(
+        writes="pcd/*.pcd in the world's frame with VIEWPOINT, gt_cloud.pcd: DynamicMap_Benchmark, dufomap", write=write
+    ),
+}

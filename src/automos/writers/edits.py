@@ -18,7 +18,7 @@ from automos.core.scan import MAX_RANGE
 from automos.core.upright_boxes import Boxes, iou_3d
 from automos.results.run_files import RunFiles
 from automos.results.tracks_file import MIN_SIDE, VERDICTS
-from automos.writers.cvat import ANNOTATIONS
+from automos.writers.annotation_tools import ANNOTATIONS
 from automos.writers.datumaro import Datumaro, read_datumaro
 
 MAX_TILT = 0.2

@@ -1,8 +1,18 @@
 """Scene flow of a run: the motion of each point until the next scan, on its own and as seen by the moving sensor.
 
 A point moves with its track; all others are static. The apparent motion by the sensor follows from the poses.
+
+As Argoverse 2 scores it: LOG/TIMESTAMP.feather, a row per point of the sweep. Flow leads from a point to its place in
+the next sweep's frame, the sensor's own motion included. Of an Argoverse log it is in the vehicle's frame, as there;
+else in the sensor's. The last sweep has no next one and no file.
+
+OpenSceneFlow's HDF5: one file per recording, one group per scan, and the index of scans for its data loader. Points,
+poses and flow are in the sensor's frame. Poses are float32 there, so they are relative to the first scan. What moves is
+`dufo`, and on which object `dufocluster`: self-supervised trainers (SeFlow, TeFlow) ask for these, and for scans ten
+times a second. Categories of moving points go by the size of their object.
 """
 
+import pickle
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,12 +20,16 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.atomic import atomic_path
 from automos.core.errors import InputError
 from automos.core.geometry import inverse, transform
 from automos.core.labels import Label
 from automos.core.scan import Pose, Sequence
 from automos.evaluation.flow import DYNAMIC, FlowCounts, evaluate_flow
+from automos.readers.formats import import_extra
 from automos.results.run_files import RunFiles
+from automos.writers.formats import Export
+from automos.writers.point_columns import intensity_of
 
 Motion = npt.NDArray[np.float32]
 
@@ -105,3 +119,87 @@ def timestamps(run: RunFiles) -> list[str]:
             return list(run.names)
     micro = np.round(1e6 * (run.stamps - min(0.0, float(run.stamps[0])))).astype(np.int64)
     return [str(1000 * int(value)) for value in micro]
+
+
+def _write_av2(run: RunFiles, out: Path) -> None:
+    """Write `out / recording / <nanoseconds>.feather`: flow_tx_m, flow_ty_m, flow_tz_m (float16), is_dynamic."""
+    arrow, feather = import_extra("pyarrow", "arrow"), import_extra("pyarrow.feather", "arrow")
+    folder = out / run.sequence.name
+    folder.mkdir(parents=True, exist_ok=True)
+    T_vehicle_sensor, stamps = run.sequence.T_vehicle_sensor, timestamps(run)
+    for index in run.each("writing flow"):
+        if index + 1 == len(run):
+            break
+        found = scan_flow(run, index)
+        flow = found.flow if T_vehicle_sensor is None else found.flow @ T_vehicle_sensor[:3, :3].T
+        columns = {f"flow_t{axis}_m": arrow.array(flow[:, k].astype(np.float16)) for k, axis in enumerate("xyz")}
+        table = arrow.table({**columns, "is_dynamic": arrow.array(found.is_dynamic)})
+        with atomic_path(folder / f"{stamps[index]}.feather") as temporary:
+            feather.write_feather(table, temporary)
+
+
+CATEGORIES = np.array([19, 11, 4, 17, 19], np.uint8)
+"""Argoverse 2's numbers of each `Kind`: regular and large vehicle, bicyclist, pedestrian; 0 is none."""
+
+
+def _write_opensceneflow(run: RunFiles, out: Path) -> None:
+    """Write `out / <recording>.h5`, index_total.pkl (all scans) and index_flow.pkl (all but the last) into `out`."""
+    h5py = import_extra("h5py", "flow")
+    out.mkdir(parents=True, exist_ok=True)
+    name, stamps = run.sequence.name, timestamps(run)
+    # its loader finds a recording's last scan by comparing these as text: 1 s comes after 0.9 s
+    width = max(map(len, stamps))
+    stamps = [stamp.zfill(width) for stamp in stamps]
+    # Through Python's file: where the disk is full, HDF5's own ends the process.
+    with atomic_path(out / f"{name}.h5") as temporary, temporary.open("w+b") as raw, h5py.File(raw, "w") as file:
+        for index in run.each("writing flow"):
+            for key, values in _group(run, index).items():
+                file.create_dataset(f"{stamps[index]}/{key}", data=values)
+    rows = [[name, stamp] for stamp in stamps]
+    for index_file, listed in (("index_total.pkl", rows), ("index_flow.pkl", rows[:-1])):
+        with atomic_path(out / index_file) as temporary, temporary.open("wb") as file:
+            pickle.dump(listed, file)
+
+
+def _group(run: RunFiles, index: int) -> dict[str, np.ndarray]:
+    """Return the arrays of scan `index`, of its points of use only: trainers sort whatever is there into voxels."""
+    scan = run.scan(index)
+    is_moving, instances = run.labels(index, len(scan)) == Label.MOVING, run.instances(index, len(scan))
+    _, clusters = np.unique(np.append(0, np.where(is_moving, instances, 0)), return_inverse=True)
+    T_world_sensor = inverse(run.T_world_sensor[0]) @ run.T_world_sensor[index]
+    group = {
+        "lidar": np.column_stack([run.points_at_pose(scan, index), intensity_of(scan)]).astype(np.float32),
+        "ground_mask": run.is_ground(scan, index),
+        "dufo": is_moving.astype(np.uint8),
+        "dufocluster": clusters[1:].astype(np.int16),
+        "lidar_id": np.ones(len(scan), np.uint8),
+        "lidar_dt": np.zeros(len(scan), np.float32) if scan.time is None else scan.time.astype(np.float32),
+    }
+    of_scan = {"pose": T_world_sensor.astype(np.float32)}
+    if index + 1 < len(run):
+        found = scan_flow(run, index)
+        of_scan["ego_motion"] = found.T_next_this.astype(np.float32)
+        group |= {
+            "flow": found.flow,
+            "flow_is_valid": found.is_known,
+            "flow_category_indices": np.where(found.instances > 0, CATEGORIES[run.kinds(found.instances)], np.uint8(0)),
+            # 15 bits are all there is: ids beyond wrap, but never to 0, which means "no instance", or below.
+            "flow_instance_id": np.where(found.instances > 0, (found.instances - 1) % 0x7FFF + 1, 0).astype(np.int16),
+        }
+    return {name: values[scan.is_valid] for name, values in group.items()} | of_scan
+
+
+EXPORTS = {
+    "flow-av2": Export(
+        writes="scene flow: LOG/TIMESTAMP.feather, as Argoverse 2 scores it",
+        write=_write_av2,
+        needs="arrow",
+        modules=("pyarrow",),
+    ),
+    "opensceneflow": Export(
+        writes="scene flow: RECORDING.h5, index_*.pkl, as OpenSceneFlow loads it",
+        write=_write_opensceneflow,
+        needs="flow",
+        modules=("h5py",),
+    ),
+}

@@ -41,3 +41,9 @@ class Export:
         """Raise MissingExtraError where what it imports is not installed."""
         for module in self.modules:
             import_extra(module, str(self.needs))
+
+
+def make_folders(out: Path, *names: str) -> None:
+    """Make folders below `out` where they are not there."""
+    for name in names:
+        (out / name).mkdir(parents=True, exist_ok=True)

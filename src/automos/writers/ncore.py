@@ -103,9 +103,11 @@ def _boxes(run: RunFiles, index: int, time: int) -> list[Any]:
     ]
 
 
-EXPORT = Export(
-    writes="NVIDIA NCore v4: RECORDING.ncore4.zarr.itar, tracks of boxes",
-    write=write,
-    needs="ncore",
-    modules=("ncore", "upath"),
-)
+EXPORTS = {
+    "ncore": Export(
+        writes="NVIDIA NCore v4: RECORDING.ncore4.zarr.itar, tracks of boxes",
+        write=write,
+        needs="ncore",
+        modules=("ncore", "upath"),
+    ),
+}

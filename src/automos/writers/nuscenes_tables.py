@@ -7,6 +7,7 @@ sample. Boxes are of what moves. Tables have what TIER IV's T4 asks for beside, 
 import hashlib
 import json
 from collections import defaultdict
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,7 +18,7 @@ from automos.core.geometry import quaternion_of
 from automos.core.labels import Label
 from automos.core.scan import Pose
 from automos.results.run_files import RunFiles
-from automos.writers.formats import Export
+from automos.writers.formats import Export, make_folders
 from automos.writers.point_columns import intensity_of
 
 _CATEGORIES = (
@@ -47,8 +48,7 @@ _NUSCENES = Layout("v1.0-automos", "samples/LIDAR_TOP", "LIDAR_TOP", "date_captu
 def write(run: RunFiles, out: Path, layout: Layout = _NUSCENES) -> None:
     """Write the root of a data set to `out`, with one scene, named after the recording."""
     lidarseg = f"lidarseg/{layout.tables}"
-    for folder in (layout.tables, layout.clouds, lidarseg, "maps"):
-        (out / folder).mkdir(parents=True, exist_ok=True)
+    make_folders(out, layout.tables, layout.clouds, lidarseg, "maps")
     name = _Tokens(run.sequence.name)
     tables: Tables = defaultdict(list, _fixed_tables(run, name, layout))
     micro = np.round(1e6 * (run.stamps - min(0.0, float(run.stamps[0])))).astype(np.int64).tolist()
@@ -200,4 +200,10 @@ def _draw_nothing(path: Path) -> None:
     Image.new("L", (1, 1)).save(path, "PNG")
 
 
-EXPORT = Export(writes="nuScenes data set: v1.0-automos/*.json, samples, lidarseg", write=write)
+EXPORTS = {
+    "nuscenes-tables": Export(writes="nuScenes data set: v1.0-automos/*.json, samples, lidarseg", write=write),
+    "t4": Export(
+        writes="TIER IV T4 data set: annotation/*.json, data/LIDAR_CONCAT, lidarseg",
+        write=partial(write, layout=Layout("annotation", "data/LIDAR_CONCAT", "LIDAR_CONCAT", "data_captured")),
+    ),
+}

@@ -13,7 +13,7 @@ from automos.core.labels import Label
 from automos.core.scan import Points
 from automos.core.upright_boxes import points_in_boxes
 from automos.readers.box_truth import SOLE
-from automos.results.scan_boxes import ScanBoxes
+from automos.results.run_objects import ScanBoxes
 from automos.results.tracks_file import VERDICTS
 from automos.writers.edits import EditedBox, EditedScan
 

@@ -1,21 +1,29 @@
-"""One file for each scan, named after it: a table of formats, each with what it holds and how a scan is packed."""
+"""Points and labels as the recording has them: one file for each scan, named after it, or one of all scans.
+
+Clouds in an MCAP file are ROS 2 messages, which players and viewers open; as in drivers, time is called `t`, in
+nanoseconds after the first point. A Parquet table has a row group per scan; what a scan has not, and others may have,
+is null.
+"""
 
 import io
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from automos.core.atomic import write_bytes
+from automos.core.atomic import atomic_path, faults_reported, write_bytes
+from automos.core.claims import SIGN
+from automos.core.errors import InputError
 from automos.core.labels import pack
 from automos.readers.columns import Columns
-from automos.readers.point_cloud2 import packed_rows
+from automos.readers.formats import import_extra
+from automos.readers.point_cloud2 import cloud_message, packed_rows
 from automos.results.run_files import RunFiles
 from automos.writers.formats import Export
 from automos.writers.laz import laz_packer
-from automos.writers.pcd import pcd_bytes, ply_header
-from automos.writers.point_columns import point_columns
+from automos.writers.point_columns import pcd_bytes, ply_header, point_columns
 
 Packer = Callable[[RunFiles], Callable[[int], bytes]]
 """Takes a run and returns what packs its scans, by their numbers."""
@@ -60,10 +68,89 @@ def _instances(run: RunFiles) -> Callable[[int], bytes]:
 
 _LAS = {"needs": "las", "modules": ("laspy", "lazrs")}
 _COLUMNS = "x y z intensity time ring label instance"
-SCAN_FILES = {
+
+
+TOPIC, FRAME = "/automos/points", "lidar"
+
+
+def _write_mcap(run: RunFiles, out: Path) -> None:
+    """Write all scans as sensor_msgs/PointCloud2 on topic /automos/points into the file `out`."""
+    rosbag2, typesys = import_extra("rosbags.rosbag2", "ros"), import_extra("rosbags.typesys", "ros")
+    types = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    _require_times(run)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with faults_reported(out), tempfile.TemporaryDirectory(dir=out.parent, prefix=".automos-") as scratch:
+        bag = Path(scratch) / "bag"
+        with rosbag2.Writer(bag, version=9, storage_plugin=rosbag2.StoragePlugin.MCAP) as writer:
+            connection = writer.add_connection(TOPIC, "sensor_msgs/msg/PointCloud2", typestore=types)
+            for index in run.each("writing .mcap"):
+                nanoseconds = round(1e9 * run.stamps[index])
+                time = types.types["builtin_interfaces/msg/Time"](*divmod(nanoseconds, 10**9))
+                header = types.types["std_msgs/msg/Header"](time, FRAME)
+                message = cloud_message(types.types, point_columns(run, index), header)
+                writer.write(connection, nanoseconds, types.serialize_cdr(message, message.__msgtype__))
+        with atomic_path(out) as temporary:
+            next(bag.glob("*.mcap")).replace(temporary)
+
+
+def _require_times(run: RunFiles) -> None:
+    """Raise InputError where a scan's time is none that ROS has: it counts whole seconds from 0, in 31 bits."""
+    are_held = (run.stamps >= 0.0) & (run.stamps < 2.0**31)
+    if not are_held.all():
+        k = int(np.argmin(are_held))
+        raise InputError(
+            f"{run.folder}: scan {run.names[k]} is at {run.stamps[k]:.6f} s, but ROS has times from 0 to 2^31 s only: "
+            "give the recording others (times.txt) and label it again, or export to another format"
+        )
+
+
+_TYPES = {
+    "scan": "int32", "x": "float32", "y": "float32", "z": "float32", "intensity": "float32", "time": "float32",
+    "ring": "uint16", "label": "uint16", "instance": "uint32",
+}  # fmt: skip
+
+
+def _write_parquet(run: RunFiles, out: Path) -> None:
+    """Write all scans as one file `out`: scan (int32) and the columns of `point_columns`, in the scans' order."""
+    arrow, parquet = import_extra("pyarrow", "arrow"), import_extra("pyarrow.parquet", "arrow")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_path(out) as temporary:
+        schema = arrow.schema([(name, getattr(arrow, kind)()) for name, kind in _TYPES.items()], {"comment": SIGN})
+        with parquet.ParquetWriter(temporary, schema, compression="zstd") as writer:
+            for index in run.each("writing .parquet"):
+                columns = point_columns(run, index)
+                n_points = len(columns["x"])
+                columns["scan"] = np.full(n_points, index, np.int32)
+                filled = [
+                    np.ascontiguousarray(columns[field.name])
+                    if field.name in columns
+                    else arrow.nulls(n_points, field.type)
+                    for field in schema
+                ]
+                writer.write_table(arrow.table(filled, schema), row_group_size=max(n_points, 1))
+
+
+EXPORTS = {
     "panoptic": _export(".label", "class below, track id in the upper 16 bits", _panoptic),
     "instances": _export(".npy", "track id of every point, 0 for none", _instances),
     "pcd": _export(".pcd", _COLUMNS, _of_columns(pcd_bytes), is_of_points=True),
     "ply": _export(".ply", _COLUMNS, _of_columns(_ply_bytes), is_of_points=True),
     "laz": _export(".laz", "classification, gps_time, extra dimensions", laz_packer, is_of_points=True, **_LAS),
+    "parquet": Export(
+        writes="one .parquet of all points, a row group per scan",
+        write=_write_parquet,
+        is_of_points=True,
+        needs="arrow",
+        modules=("pyarrow",),
+        suffix=".parquet",
+    ),
+    "mcap": Export(
+        writes="ROS 2 MCAP: PointCloud2 with fields label and instance",
+        write=_write_mcap,
+        is_of_points=True,
+        needs="ros",
+        modules=("rosbags",),
+        suffix=".mcap",
+        sign=TOPIC.encode(),
+    ),
 }

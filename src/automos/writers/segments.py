@@ -16,10 +16,9 @@ from automos.core.labels import Label
 from automos.core.scan import Mask, Pose
 from automos.results.run_files import RunFiles
 from automos.results.tracks_file import VERDICTS
-from automos.writers.formats import Export
-from automos.writers.pcd import write_pcd
-from automos.writers.point_columns import seen_columns
-from automos.writers.sustech import xyz
+from automos.writers.annotation_tools import xyz
+from automos.writers.formats import Export, make_folders
+from automos.writers.point_columns import seen_columns, write_pcd
 
 CATEGORIES = {verdict: number for number, verdict in enumerate(VERDICTS, start=1)}
 """Ids of the categories to be made in the dataset."""
@@ -31,7 +30,7 @@ def write(run: RunFiles, out: Path) -> None:
     The `url` of each cloud in sample.json is its path below `out`; upload the clouds and put their addresses there. In
     segmentation.json static points are object 1, unlabeled ones 0, and each moving object has an id of its own.
     """
-    (out / "pointclouds").mkdir(parents=True, exist_ok=True)
+    make_folders(out, "pointclouds")
     samples, cuboids, loose = [], [], max(run.tracks, default=0) + 2
     # Scan by scan: a number for every point of an hour is more than memory holds.
     with atomic_path(out / "segmentation.json") as temporary, temporary.open("w", encoding="utf-8") as segmentation:
@@ -96,4 +95,8 @@ def _segmentation(run: RunFiles, index: int, is_finite: Mask, loose: int) -> dic
     return {"format_version": "0.2", "annotations": annotations, "point_annotations": objects.tolist()}
 
 
-EXPORT = Export(writes="Segments.ai sample, cuboids and segmentation", write=write, per_scan=("pointclouds/*.pcd",))
+EXPORTS = {
+    "segments": Export(
+        writes="Segments.ai sample, cuboids and segmentation", write=write, per_scan=("pointclouds/*.pcd",)
+    ),
+}

@@ -8,7 +8,7 @@ from bags import cloud, columns_of
 from street_log import street_log
 
 from automos.core.geometry import make_transform
-from automos.live.ros2.clouds import new_field, scan_of, with_field, with_rows
+from automos.live.ros2.feed import new_field, scan_of, with_field, with_rows
 from automos.live.ros2.publishing import of_base
 from automos.readers.point_cloud2 import read_columns
 

@@ -9,8 +9,7 @@ from street_log import street_log
 from automos.core.errors import InputError
 from automos.readers.message_rows import with_rows
 from automos.readers.point_cloud2 import read_columns
-from automos.writers.cleaning.choice import Choice
-from automos.writers.cleaning.clean import clean
+from automos.writers.cleaning.clean import Choice, clean
 
 pytest.importorskip("rosbags")
 from rosbags.highlevel import AnyReader

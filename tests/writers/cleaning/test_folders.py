@@ -9,9 +9,8 @@ from street_log import street_log
 
 from automos.core.errors import InputError
 from automos.readers import open_sequence
-from automos.writers.cleaning.choice import Choice
-from automos.writers.cleaning.clean import clean
-from automos.writers.pcd import write_pcd
+from automos.writers.cleaning.clean import Choice, clean
+from automos.writers.point_columns import write_pcd
 
 
 @pytest.fixture

@@ -15,8 +15,7 @@ from automos.readers import open_sequence
 from automos.readers.bag_file import Topic
 from automos.readers.bag_messages import PACKETS
 from automos.writers.cleaning.bags import require_rewritable
-from automos.writers.cleaning.choice import Choice
-from automos.writers.cleaning.clean import clean
+from automos.writers.cleaning.clean import Choice, clean
 
 pytest.importorskip("rosbags")
 from rosbags.rosbag1 import Reader as Reader1

@@ -13,11 +13,9 @@ from automos.core.errors import InputError
 from automos.core.scan import Frame
 from automos.readers import open_sequence
 from automos.settings import MapSettings
-from automos.writers.maps.height_picture import HeightPicture
 from automos.writers.maps.make_map import make_map
-from automos.writers.maps.metrics import MapCounts
-from automos.writers.maps.tiles import Tiles
-from automos.writers.maps.writers import open_cloud
+from automos.writers.maps.metrics import MapCounts, Tiles
+from automos.writers.maps.writers import HeightPicture, open_cloud
 
 
 def level_frames(world):

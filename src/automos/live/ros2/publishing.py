@@ -11,8 +11,7 @@ from automos.core.geometry import inverse
 from automos.core.labels import Label
 from automos.core.scan import Pose, Scan
 from automos.labeler import LabelledScan
-from automos.live.ros2.clouds import Body, new_field, with_field, with_rows
-from automos.live.ros2.feed import RosFeed
+from automos.live.ros2.feed import Body, RosFeed, new_field, with_field, with_rows
 from automos.readers.stamped_poses import from_quaternions
 
 _DEPTH = 5

@@ -6,15 +6,20 @@ messages. What lies beside the scans of a folder (times, poses, calibration) is 
 
 import shutil
 from collections.abc import Callable
+from enum import Enum
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from automos.core.atomic import atomic_path
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.atomic import atomic_path, write_raw, write_text
 from automos.core.claims import CLEANED
 from automos.core.errors import InputError
+from automos.core.labels import Label
 from automos.core.own_folder import own_folder
-from automos.core.scan import Sequence
+from automos.core.scan import Scan, Sequence
 from automos.core.workspace import Workspace
 from automos.readers.folder import FolderSequence
 from automos.readers.message_rows import with_rows
@@ -22,13 +27,53 @@ from automos.readers.rosbag_topic import RosbagSequence
 from automos.results.claiming import refuse_folder_of
 from automos.results.run_files import RunFiles
 from automos.writers import load_export
-from automos.writers.cleaning import kitti_bin
 from automos.writers.cleaning.bags import require_rewritable, rewrite_bag
-from automos.writers.cleaning.choice import Choice
 from automos.writers.cleaning.point_files import Rewrite, rewrite_of
-from automos.writers.formats import Export
+from automos.writers.formats import Export, make_folders
+from automos.writers.point_columns import point_columns
 
-KINDS = {"bin": kitti_bin.EXPORT, **{name: load_export(name) for name in ("pcd", "laz", "mcap")}}
+
+class Choice(Enum):
+    """Which points are kept. Those without a return are kept with what does not move, as they tell nothing.
+
+    Attributes
+    ----------
+    STATIC : what is labelled static.
+    NOT_MOVING : also what has no label: the vehicle that carries the sensor, and places never observed.
+    MOVING : what moves, and nothing else.
+    """
+
+    STATIC = "static points"
+    NOT_MOVING = "all but moving points"
+    MOVING = "moving points"
+
+    def rows(self, run: RunFiles, scan: Scan, index: int) -> npt.NDArray[np.bool_]:
+        """Return (N,) which points of `scan`, number `index` of `run`, are kept."""
+        labels = run.labels(index, len(scan))
+        if self is Choice.MOVING:
+            return labels == Label.MOVING
+        return (labels != Label.MOVING) & ((labels == Label.STATIC) | ~scan.is_valid | (self is Choice.NOT_MOVING))
+
+
+def _write_bin(run: RunFiles, out: Path) -> None:
+    """Write every scan as `out / velodyne / <name>.bin`, in its own unit of intensity, and times.txt in seconds."""
+    make_folders(out, "velodyne")
+    for index in run.each("writing .bin"):
+        columns = point_columns(run, index)
+        nothing = np.zeros(len(columns["x"]), np.float32)
+        rows = np.column_stack([columns.get(name, nothing) for name in ("x", "y", "z", "intensity")])
+        write_raw(out / "velodyne" / f"{run.names[index]}.bin", rows.astype(np.float32))
+    write_text(out / "times.txt", "".join(f"{stamp:.9f}\n" for stamp in run.stamps))
+
+
+_BIN = Export(
+    writes="velodyne/*.bin: x y z intensity, without labels; times.txt",
+    write=_write_bin,
+    is_of_points=True,
+)
+
+
+KINDS = {"bin": _BIN, **{name: load_export(name) for name in ("pcd", "laz", "mcap")}}
 """Writers of points as the recording has them."""
 MARKER = "clean.json"
 _BESIDE = ("times.txt", "poses.txt", "calib.txt", "mounts.yaml")

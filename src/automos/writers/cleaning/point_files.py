@@ -16,7 +16,7 @@ from automos.readers.formats import import_extra
 from automos.readers.layouts import parse_columns
 from automos.readers.npy import as_rows
 from automos.readers.pcd import read, read_header
-from automos.writers.pcd import write_pcd
+from automos.writers.point_columns import write_pcd
 
 Mask = npt.NDArray[np.bool_]
 Rewrite = Callable[[Path, Path, str, Mask], None]

@@ -16,10 +16,8 @@ from automos.core.labels import Label, to_mos
 from automos.core.run import Progress
 from automos.core.scan import Frames, Sequence
 from automos.settings import MapSettings
-from automos.writers.maps.height_picture import HeightPicture
-from automos.writers.maps.metrics import MapCounts, MapScores
-from automos.writers.maps.tiles import TILE, Tile, Tiles
-from automos.writers.maps.writers import Write, check_kind, open_cloud
+from automos.writers.maps.metrics import TILE, MapCounts, MapScores, Tile, Tiles
+from automos.writers.maps.writers import HeightPicture, Write, check_kind, open_cloud
 
 _PICTURE_PIXELS = 3000
 """Of the pictures' longer side, at most: what screens show, and 9 MB at most."""

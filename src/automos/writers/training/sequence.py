@@ -13,6 +13,7 @@ from automos.core.geometry import inverse
 from automos.core.pose_writers import write_kitti
 from automos.core.scan import Points, Pose
 from automos.objects.verdict import Verdict
+from automos.writers.formats import make_folders
 from automos.writers.training.members import Member
 from automos.writers.training.range_images import WIDTH, residual_image
 from automos.writers.training.scans import TrainingScan, training_scan
@@ -76,8 +77,7 @@ def write_sequence(member: Member, folder: Path, ids: str, extras: Extras) -> Wr
     run, written = member.run, Written()
     kept: list[int] = []
     before: deque[tuple[Points, Pose]] = deque(maxlen=max(extras.residuals, default=0))
-    for name in ("velodyne", "labels", *([_BOXES] if extras.boxes else []), *map(_residuals, extras.residuals)):
-        (folder / name).mkdir(parents=True, exist_ok=True)
+    make_folders(folder, "velodyne", "labels", *([_BOXES] if extras.boxes else []), *map(_residuals, extras.residuals))
     for index in run.each(f"writing {member.name}"):
         if not run.scan(index).is_valid.any():
             continue

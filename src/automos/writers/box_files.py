@@ -1,0 +1,148 @@
+"""Tracks of boxes as files: nuScenes' tracking results, ASAM OpenLABEL 1.0, and KITTI's tracking benchmark.
+
+nuScenes: in the frame of poses.txt; the sample token is the scan's name, sizes are width, length, height and
+quaternions scalar first. OpenLABEL: a cuboid per frame in a world frame with z up, and the sensor's pose in it. KITTI:
+boxes are in a camera's frame, x right, y down, z forward, upright about y. Here that is a camera at the sensor that
+looks along its heading, level at the first scan; its pose is in calib/SSSS.txt. There is no picture, so boxes in the
+image are -1 and alpha is -10, as for results in 3D only.
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from automos.core.atomic import write_text
+from automos.core.claims import SIGN
+from automos.core.geometry import inverse, make_transform, quaternion_of, transform
+from automos.results.run_files import RunFiles
+from automos.writers.formats import Export, make_folders
+
+
+def _write_nuscenes(run: RunFiles, out: Path) -> None:
+    """Write the JSON file `out`; `tracking_name` is moving, static or unknown, the score its confidence."""
+    T_world_level = inverse(run.T_level_world)
+    results: dict[str, list[dict[str, object]]] = {}
+    for index in run.each("writing tracks"):
+        found = run.boxes_level(index)
+        translation = transform(T_world_level, found.boxes.center).round(4)
+        velocity = (found.velocity @ T_world_level[:3, :3].T).round(4)
+        results[run.names[index]] = [
+            {
+                "sample_token": run.names[index],
+                "translation": translation[k].tolist(),
+                "size": box.size[[1, 0, 2]].round(4).tolist(),
+                "rotation": np.roll(quaternion_of(T_world_level @ box.pose), 1).round(9).tolist(),
+                "velocity": velocity[k, :2].tolist(),
+                "tracking_id": str(box.id),
+                "tracking_name": box.verdict,
+                "tracking_score": round(box.score, 4),
+            }
+            for k, box in enumerate(found)
+        ]
+    uses = {f"use_{sensor}": sensor == "lidar" for sensor in ("camera", "lidar", "radar", "map", "external")}
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_text(out, json.dumps({"meta": {**uses, "comment": SIGN.decode()}, "results": results}))
+
+
+_WORLD, _SENSOR = "world", "lidar"
+
+
+def _write_openlabel(run: RunFiles, out: Path) -> None:
+    """Write the JSON file `out`; an object's type is moving, static or unknown."""
+    frames: dict[str, Any] = {}
+    tracks = run.tracks
+    seen: dict[int, list[int]] = {track: [] for track in tracks}
+    for index in run.each("writing objects"):
+        objects = {}
+        for box in run.boxes_level(index):
+            values = [*box.center, 0.0, 0.0, np.sin(0.5 * box.yaw), np.cos(0.5 * box.yaw), *box.size]
+            cuboid = {
+                "name": "box",
+                "coordinate_system": _WORLD,
+                "val": [round(float(value), 6) for value in values],
+                "attributes": {"boolean": [{"name": "observed", "val": box.is_observed}]},
+            }
+            objects[str(box.id)] = {"object_data": {"cuboid": [cuboid]}}
+            seen[box.id].append(index)
+        T = run.T_level_sensor(index)
+        transforms = {
+            f"{_SENSOR}_to_{_WORLD}": {
+                "src": _SENSOR,
+                "dst": _WORLD,
+                "transform_src_to_dst": {"matrix4x4": T.round(9).ravel().tolist()},
+            }
+        }
+        frames[str(index)] = {
+            "frame_properties": {"timestamp": f"{run.stamps[index]:.6f}", "transforms": transforms},
+            "objects": objects,
+        }
+    content = {
+        "metadata": {
+            "schema_version": "1.0.0",
+            "name": run.sequence.name,
+            "annotator": "automos",
+            "comment": SIGN.decode(),
+        },
+        "coordinate_systems": {
+            _WORLD: {"type": "scene_cs", "parent": "", "children": [_SENSOR]},
+            _SENSOR: {"type": "sensor_cs", "parent": _WORLD, "children": []},
+        },
+        "frame_intervals": [{"frame_start": 0, "frame_end": len(run) - 1}],
+        "frames": frames,
+        "objects": {str(track): _object(track, scans, *tracks[track]) for track, scans in seen.items()},
+    }
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_text(out, json.dumps({"openlabel": content}))
+
+
+def _object(track: int, scans: list[int], verdict: str, confidence: float) -> dict[str, Any]:
+    runs = np.split(scans, np.flatnonzero(np.diff(scans) > 1) + 1) if scans else []
+    return {
+        "name": f"object {track}",
+        "type": verdict,
+        "frame_intervals": [{"frame_start": int(part[0]), "frame_end": int(part[-1])} for part in runs],
+        "object_data": {"num": [{"name": "confidence", "val": confidence}]},
+    }
+
+
+R_CAMERA_UPRIGHT = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+"""From x forward, y left, z up to x right, y down, z forward."""
+
+
+def _write_kitti(run: RunFiles, out: Path) -> None:
+    """Write `out / label_02 / <recording>.txt` and `out / calib / <recording>.txt`.
+
+    A line is: frame, track, type (Moving, Static, Unknown), truncated, occluded, alpha, image box, height, width,
+    length, bottom centre x, y, z in the camera's frame, rotation about its y-axis, confidence of the type.
+    """
+    T_camera_sensor = make_transform(R_CAMERA_UPRIGHT) @ run.T_upright_sensor(0)
+    lines = []
+    for index in run.each("writing tracks"):
+        found = run.boxes_level(index)
+        T_camera_level = T_camera_sensor @ inverse(run.T_level_sensor(index))
+        bottom = found.boxes.center - 0.5 * found.boxes.size * [0.0, 0.0, 1.0]
+        location = transform(T_camera_level, bottom)
+        heading = np.column_stack([np.cos(found.boxes.yaw), np.sin(found.boxes.yaw), np.zeros(len(found))])
+        heading = heading @ T_camera_level[:3, :3].T
+        rotation_y = np.arctan2(-heading[:, 2], heading[:, 0])
+        for box, (x, y, z), turn in zip(found, location, rotation_y, strict=True):
+            length, width, height = box.size
+            occluded = 0 if box.is_observed else 3  # 3: unknown
+            lines.append(
+                f"{index} {box.id} {box.verdict.capitalize()} 0 {occluded} -10 -1 -1 -1 -1 {height:.4f} {width:.4f} "
+                f"{length:.4f} {x:.4f} {y:.4f} {z:.4f} {turn:.5f} {box.score:.4f}\n"
+            )
+    make_folders(out, "label_02", "calib")
+    name = run.sequence.name
+    write_text(out / "label_02" / f"{name}.txt", "".join(lines))
+    numbers = " ".join(f"{value:.12e}" for value in T_camera_sensor[:3].ravel())
+    write_text(out / "calib" / f"{name}.txt", f"R_rect 1 0 0 0 1 0 0 0 1\nTr_velo_cam {numbers}\n")
+
+
+EXPORTS = {
+    "kitti_tracking": Export(writes="KITTI tracking text: label_02/*.txt, calib/*.txt", write=_write_kitti),
+    "nuscenes": Export(writes="nuScenes tracking results, one JSON file", write=_write_nuscenes, suffix=".json"),
+    "openlabel": Export(writes="ASAM OpenLABEL 1.0, one JSON file", write=_write_openlabel, suffix=".json"),
+}
