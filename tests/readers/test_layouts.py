@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from automos.core.errors import InputError
-from automos.readers.layouts import parse_columns, spell_columns
+from automos.readers.codecs import parse_columns, spell_columns
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from automos.readers.name_stamps import stamps_from_names
+from automos.readers.scan_times import stamps_from_names
 
 TIMES = datetime(2023, 5, 1, 12, 59, 58, tzinfo=UTC).timestamp() + 0.25 * np.arange(20)  # over the end of an hour
 

@@ -9,8 +9,8 @@ from sweeps import points_of, pose, sweep
 
 from automos.core.errors import InputError
 from automos.readers import open_sequence
-from automos.readers.layouts import parse_columns
-from automos.readers.record_ends import find_foreign
+from automos.readers.codecs import parse_columns
+from automos.readers.record_layout import find_foreign
 
 KITTI = "x,y,z,intensity"
 

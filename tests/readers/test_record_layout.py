@@ -6,7 +6,7 @@ from sweeps import points_of, pose, sweep
 
 from automos.core.errors import InputError
 from automos.readers import open_sequence
-from automos.readers.layouts import parse_columns
+from automos.readers.codecs import parse_columns
 
 XYZ = [("x", "<f4"), ("y", "<f4"), ("z", "<f4")]
 

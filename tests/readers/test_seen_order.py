@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from automos.readers import open_sequence
-from automos.readers.seen_order import find_renumbering
+from automos.readers.time_order import find_renumbering
 
 N = 45
 

@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from automos.core.errors import InputError
-from automos.readers.sensor_choice import choose_sensor, split_sensor
+from automos.readers.formats import choose_sensor, split_sensor
 
 DRIVE = Path("logs/drive.pcap")
 

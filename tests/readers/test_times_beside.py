@@ -5,7 +5,7 @@ import pytest
 
 from automos.core.errors import InputError
 from automos.readers import open_sequence
-from automos.readers.times_beside import NAMES, read_times
+from automos.readers.scan_times import NAMES, read_times
 
 STAMPS = 1_500_000_000.0 + 0.1 * np.arange(12)
 

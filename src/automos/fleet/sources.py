@@ -14,7 +14,7 @@ from automos.fleet.storage import Store, is_url, shown
 from automos.readers import LeftOutError, NoRecordingError, find_recordings, open_sequence
 from automos.readers.codecs import CODEC_OF_SUFFIX
 from automos.readers.files import natural_key
-from automos.readers.sensor_choice import CAPTURES
+from automos.readers.formats import CAPTURES
 
 _LISTS = {".txt", ".list"}
 _LOGS = {".bag", ".mcap", *CAPTURES}

@@ -1,8 +1,8 @@
 """Readers of recordings, one module per format, imported when used. The format is recognised from the path.
 
-A format module declares its :class:`~automos.readers.formats.Format` as `FORMAT`. Formats are tried in the order of
-`FORMATS`, from the most specific to the plain folder. The codec of point files is guessed unless the user names it. A
-recording inside a file or a set of tables has a path as if it were in a folder: `log.mcap/front/points`.
+A module declares its :class:`~automos.readers.formats.Format` as `FORMAT`, or several as `FORMATS`. They are tried in
+the order of `FORMATS`, from the most specific to the plain folder. The codec of point files is guessed unless the user
+names it. A recording inside a file or a set of tables has a path as if it were in a folder: `log.mcap/front/points`.
 """
 
 import difflib
@@ -17,11 +17,10 @@ from automos.core.claims import held_by
 from automos.core.errors import InputError
 from automos.core.reading import damage_reported
 from automos.core.scan import Sequence
-from automos.readers.codecs import CODECS
+from automos.readers.codecs import CODECS, LAYOUTS, is_columns, parse_columns
 from automos.readers.files import is_text
 from automos.readers.foreign import limited
 from automos.readers.formats import Format
-from automos.readers.layouts import LAYOUTS, is_columns, parse_columns
 
 
 class NoRecordingError(InputError):
@@ -37,14 +36,20 @@ FORMATS: tuple[str, ...] = (
     "kitti_tracking", "helipr", "mulran", "boreas", "apollo", "helimos", "semanticposs", "kitti", "stacked",
     "folder",
 )  # fmt: skip
-"""Formats of recordings in the order they are tried; each is a module of this package, or one of `stamped_drives`."""
+"""Formats of recordings in the order they are tried."""
+_FAMILIES = {
+    "stamped_drives": ("helipr", "mulran", "boreas"),
+    "kitti": ("kitti", "helimos", "semanticposs"),
+}
+"""Modules that read several formats; others read one, of their name."""
 
 
 def load_format(name: str) -> Format:
     """Return what the reader `name`, one of `FORMATS`, declares of itself."""
-    from automos.readers.stamped_drives import FORMATS as DRIVES
-
-    return DRIVES[name] if name in DRIVES else importlib.import_module(f"automos.readers.{name}").FORMAT
+    family = next((module for module, formats in _FAMILIES.items() if name in formats), None)
+    module = importlib.import_module(f"automos.readers.{family or name}")
+    declared: Format = module.FORMATS[name] if family else module.FORMAT
+    return declared
 
 
 def open_sequence(path: str | Path, format: str | None = None) -> Sequence:

@@ -72,4 +72,4 @@ class ApolloSequence(FolderSequence):
         return table[[row_of[int(name)] for name in self._names]]
 
 
-FORMAT = Format(layout="Apollo SouthBay: pcds/*.pcd, poses/gt_poses.txt", truth="", find=find, open=ApolloSequence)
+FORMAT = Format(layout="Apollo SouthBay: pcds/*.pcd, poses/gt_poses.txt", find=find, open=ApolloSequence)

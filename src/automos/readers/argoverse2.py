@@ -21,8 +21,7 @@ from automos.readers.apart import read_apart
 from automos.readers.box_truth import DrawnBoxes, DrawnTruth, checked_boxes, judge_boxes, motion_with_boxes
 from automos.readers.columns import to_scan
 from automos.readers.foreign import limited
-from automos.readers.formats import Format, import_extra, recordings_at
-from automos.readers.listed import ListedSequence, stamped_files
+from automos.readers.formats import Format, ListedSequence, import_extra, recordings_at, stamped_files
 from automos.readers.mounts import checked_mount
 from automos.readers.stamped_poses import from_quaternions, poses_at, sensor_poses
 

@@ -4,7 +4,6 @@ What the files hold says what belongs together: `drive_0.bag+` is that file and 
 ends, with the same topics.
 """
 
-import importlib
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,14 +16,15 @@ from automos.core.errors import AutomosError, InputError
 from automos.core.reading import damage_reported, is_there, parse_yaml, read_text, require_regular
 from automos.readers.bag_chunks import ZSTD, unpack
 from automos.readers.bag_file import LARGEST, BagFile, Topic
+from automos.readers.bag_kinds import McapFile, Ros1File, SqliteFile
 from automos.readers.bag_messages import is_of_points
 from automos.readers.foreign import limited
 
 _SUFFIXES = (".bag", ".bag.active", ".mcap", ".db3")
-_KINDS = {
-    b"#ROSBAG V": "bag_ros1:Ros1File",
-    b"\x89MCAP0\r\n": "bag_mcap:McapFile",
-    b"SQLite format 3\0": "bag_sqlite:SqliteFile",
+_KINDS: dict[bytes, type[BagFile]] = {
+    b"#ROSBAG V": Ros1File,
+    b"\x89MCAP0\r\n": McapFile,
+    b"SQLite format 3\0": SqliteFile,
 }
 """What files of each kind begin with, whatever their names, and what reads them."""
 _PAUSE = 1.0
@@ -129,9 +129,7 @@ def _open_file(path: Path) -> BagFile:
             raise InputError(
                 f"{path} is not a bag: it begins with {str(start)[1:]}, bags with {known}; check what it is"
             )
-        module, _, name = kind.partition(":")
-        opened: BagFile = getattr(importlib.import_module(f"automos.readers.{module}"), name)(path)
-        return opened
+        return kind(path)
 
 
 class Bag:

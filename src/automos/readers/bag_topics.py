@@ -1,11 +1,24 @@
-"""Which topic of a bag holds the points of its LiDAR: the one that is named, else the only one of the best kind."""
+"""What a bag's topics tell: which one holds the points of its LiDAR, and where things are.
+
+The points are on the topic that is named, else on the only one of the best kind. Places are told by `/tf`,
+`/tf_static`, and the topics of odometry and of poses.
+"""
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
 
 from automos.core.errors import InputError
+from automos.core.scan import Pose
 from automos.readers.bag import Bag
 from automos.readers.bag_file import Topic
-from automos.readers.bag_messages import CLOUD, PACKETS, head, head_size, is_of_points, is_raw
+from automos.readers.bag_messages import CLOUD, PACKETS, TREES, decoded, head, head_size, is_of_points, is_raw
+from automos.readers.stamped_poses import from_quaternions, poses_at
 
 _ODOMETRY = "nav_msgs/msg/Odometry"
 _WORLDS = r"(^|[_/])(map|odom|world|global|earth|init|local_origin|enu|utm|gravity)(\d*$|[_/])"
@@ -91,3 +104,119 @@ def _named(topics: list[Topic]) -> str:
     of_ros = ("cdr", "ros1")
     kinds = [", ".join(filter(None, [t.kind, "" if t.encoding in of_ros else t.encoding])) for t in topics]
     return ", ".join(f"{topic.name} ({kind})" for topic, kind in zip(topics, kinds, strict=True))
+
+
+_LIDAR = r"lidar|laser|velo|livox|ouster|os_|hesai|pandar|rslidar|scan"
+_POSES = ("nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped")
+_PATH = "nav_msgs/msg/Path"
+
+
+class Joint(NamedTuple):
+    """A frame's pose in its parent at a time, seconds: translation, metres, and quaternion, scalar last."""
+
+    parent: str
+    child: str
+    stamp: float
+    translation: list[float]
+    xyzw: list[float]
+
+
+def joints_of(bag: Bag, name: str) -> Iterator[Joint]:
+    """Yield the transforms on topic `name`, /tf or /tf_static, in the order they were recorded."""
+    topics = [topic for topic in bag.topics if topic.name == name and topic.kind in TREES]
+    for message in _messages(bag, topics):
+        for joint in message.transforms:
+            t, q = joint.transform.translation, joint.transform.rotation
+            yield Joint(
+                joint.header.frame_id.strip("/"), joint.child_frame_id.strip("/"), _seconds(joint.header),
+                [t.x, t.y, t.z], [q.x, q.y, q.z, q.w],
+            )  # fmt: skip
+
+
+def poses_in(bag: Bag, frame: str, stamps: npt.NDArray[np.float64]) -> tuple[list[Pose], list[str]]:
+    """Return (N, 4, 4) poses in `frame` at `stamps` (N,), likeliest the LiDAR's first; and why there are no others.
+
+    A frame of the tree that is called after a LiDAR is it; else what odometry tells of is its vehicle, or the frame
+    where the tree begins to branch: wheels turn on it.
+    """
+    told, faults = list[Pose](), list[str]()
+    found: dict[str, Pose] = {frame: np.tile(np.eye(4), (len(stamps), 1, 1))}
+    children: dict[str, list[str]] = {}
+    for topic in bag.topics:
+        messages = [m for m in _poses_on(bag, topic) if _frame(m) == frame]
+        if messages:
+            with _noted(faults):
+                told.append(_at(stamps, list(map(_state, messages)), bag.path / topic.name.strip("/")))
+                child = getattr(messages[0], "child_frame_id", "").strip("/")
+                if child and found.setdefault(child, told[-1]) is told[-1]:
+                    children.setdefault(frame, []).append(child)
+    moving, fixed = _by_child(joints_of(bag, "/tf")), _by_child(joints_of(bag, "/tf_static"))
+    joints = moving | fixed
+    todo = list(found)
+    for parent in todo:
+        for of, child in joints:
+            if of != parent or child in found:
+                continue
+            states = [(joint.stamp, joint.translation, joint.xyzw) for joint in joints[of, child]]
+            with _noted(faults):
+                where = bag.path / "tf" / child
+                is_fixed = (of, child) in fixed
+                T = from_quaternions(*states[-1][1:], where) if is_fixed else _at(stamps, states, where)
+                found[child] = found[parent] @ T
+                children.setdefault(parent, []).append(child)
+                todo.append(child)
+    body = frame
+    while len(children.get(body, ())) == 1:
+        (body,) = children[body]
+    lidars = [child for child in found if re.search(_LIDAR, child.lower())]
+    others = sorted(set(found) - {frame, *lidars}, key=lambda child: (child != body, child))
+    return [*(found[child] for child in lidars if child != frame), *told, *(found[child] for child in others)], faults
+
+
+@contextmanager
+def _noted(faults: list[str]) -> Iterator[None]:
+    try:
+        yield
+    except InputError as fault:
+        faults.append(str(fault))
+
+
+def _by_child(joints: Iterator[Joint]) -> dict[tuple[str, str], list[Joint]]:
+    found: dict[tuple[str, str], list[Joint]] = {}
+    for joint in joints:
+        found.setdefault((joint.parent, joint.child), []).append(joint)
+    return found
+
+
+def _at(stamps: npt.NDArray[np.float64], states: list[tuple[float, list[float], list[float]]], where: Path) -> Pose:
+    times, translations, xyzw = zip(*states, strict=True)
+    return poses_at(stamps, np.array(times), from_quaternions(translations, xyzw, where), where)
+
+
+def _state(message: Any) -> tuple[float, list[float], list[float]]:
+    pose = getattr(message.pose, "pose", message.pose)
+    p, q = pose.position, pose.orientation
+    return _seconds(message.header), [p.x, p.y, p.z], [q.x, q.y, q.z, q.w]
+
+
+def _messages(bag: Bag, topics: list[Topic]) -> Iterator[Any]:
+    for topic in topics:
+        for row in bag.index(topic):
+            yield decoded(bag.read(row), topic)
+
+
+def _poses_on(bag: Bag, topic: Topic) -> Iterator[Any]:
+    """Yield the messages of a topic that are poses, or those in its last path, which has those of all before it."""
+    if topic.kind in _POSES:
+        yield from _messages(bag, [topic])
+    elif topic.kind == _PATH:
+        for row in bag.index(topic)[-1:]:
+            yield from decoded(bag.read(row), topic).poses
+
+
+def _frame(message: Any) -> str:
+    return str(message.header.frame_id).strip("/")
+
+
+def _seconds(header: Any) -> float:
+    return float(header.stamp.sec + 1e-9 * header.stamp.nanosec)

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from automos.readers.codecs import LAYOUTS, parse_columns
 from automos.readers.columns import Columns
-from automos.readers.layouts import LAYOUTS, parse_columns
 from automos.readers.records import read_records
 
 

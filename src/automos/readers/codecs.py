@@ -1,13 +1,73 @@
-"""Point files by kind: which suffix is read by which module, one call for all of them."""
+"""Point files by kind: which suffix is read by which module, one call for all of them; and columns without names.
+
+`--columns` says these: `x,y,z,intensity,ring,time`. A type may follow a name, as NumPy writes it: `x:f8`, `ring:u2`,
+`t:>u4`. Columns without one have that of x, which is f4 itself unless it is said. What is called `_` is left out:
+`_:u1` is one byte, `_:V12` are twelve.
+"""
 
 import importlib
+import re
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
 from automos.core.errors import InputError
 from automos.core.reading import damage_reported, require_regular
-from automos.readers.columns import Columns
-from automos.readers.layouts import LAYOUTS, is_columns
+from automos.readers.columns import MAX_COLUMNS, Columns
+
+LAYOUTS = {
+    "bin": "x,y,z,intensity",
+    "bin3": "x,y,z",
+    "bin5": "x,y,z,intensity,ring",
+    "bin6": "x,y,z,intensity,ring,_",
+}
+"""Columns that have names of their own, as `--format` takes them."""
+
+_TYPE = re.compile(r"[<>]?(f[248]|[iu][1248]|V[1-9]\d{0,2})")
+
+
+def is_columns(text: str) -> bool:
+    """Return whether `text` names columns, and not a format."""
+    return "," in text
+
+
+def parse_columns(text: str) -> np.dtype:
+    """Return one point of the columns that `text` names; those called `_` have names that begin so.
+
+    Raises
+    ------
+    InputError
+        Not a list of columns, or without x, y and z.
+    """
+    parts = [part.strip().partition(":") for part in LAYOUTS.get(text, text).split(",")]
+    names = [name.strip() for name, _, _ in parts]
+    counted = [f"_{i}" if name == "_" else name for i, name in enumerate(names)]
+    types = {name: kind.strip() for name, _, kind in parts}
+    default = types.get("x") or "f4"
+    kinds = [kind.strip() or default for _, _, kind in parts]
+    stray = next((kind for kind in kinds if not _TYPE.fullmatch(kind)), None)
+    if stray is not None:
+        raise InputError(f"--columns {text}: {stray!r} is no type of numbers; write f4, f8, u1, u2, u4, i4, or >f4")
+    if not {"x", "y", "z"} <= set(names) or len(set(counted)) < len(counted) or "" in names or len(names) > MAX_COLUMNS:
+        raise InputError(f"--columns {text}: name x, y and z, and each column once, as in x,y,z,intensity,ring,time")
+    return np.dtype(
+        [(name, kind if kind[0] in "<>" else f"<{kind}") for name, kind in zip(counted, kinds, strict=True)]
+    )
+
+
+def spell_columns(dtype: np.dtype) -> str:
+    """Return the text from which `parse_columns` makes `dtype`."""
+    assert dtype.names is not None
+    kinds = [dtype[name].str.lstrip("<|") for name in dtype.names]
+    names = ["_" if name.startswith("_") else name for name in dtype.names]
+    default = kinds[dtype.names.index("x")]
+    types = [
+        "" if kind == default and (name != "x" or kind == "f4") else f":{kind}"
+        for name, kind in zip(names, kinds, strict=True)
+    ]
+    return ",".join(map("".join, zip(names, types, strict=True)))
+
 
 CODECS: dict[str, str] = {
     "bin": "records without a header, of KITTI's float32 x y z intensity or what their content shows; see --columns",

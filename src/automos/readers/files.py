@@ -14,8 +14,7 @@ import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.readers.codecs import CODEC_OF_SUFFIX, suffix_codec
-from automos.readers.name_stamps import stamps_from_names
-from automos.readers.times_beside import NAMES
+from automos.readers.scan_times import NAMES, stamps_from_names
 
 _SIDE_FILES = {*NAMES, "poses.txt", "calib.txt", "readme.txt", "requirements.txt"}
 TEXT = {".txt", ".csv", ".tsv", ".zip"}  # which may be anything

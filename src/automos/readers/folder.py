@@ -16,20 +16,18 @@ from automos.core.reading import damage_reported, is_there
 from automos.core.scan import Mask, Pose, Scan, Sequence
 from automos.core.upright_boxes import TrueBoxes
 from automos.readers import files
-from automos.readers.boxes_beside import boxes_beside, motion_beside
-from automos.readers.codecs import read_columns
+from automos.readers.box_truth import boxes_beside, motion_beside
+from automos.readers.codecs import LAYOUTS, is_columns, parse_columns, read_columns
 from automos.readers.column_names import has_time
 from automos.readers.columns import Columns, coordinates, sensor_column, time_column, to_scan
 from automos.readers.formats import Format
-from automos.readers.layouts import LAYOUTS, is_columns, parse_columns
 from automos.readers.mounts import FILE as MOUNTS
 from automos.readers.mounts import read_mounts
 from automos.readers.point_times import PointTimes, judge_times, sweep_starts
 from automos.readers.record_layout import find_columns
-from automos.readers.seen_order import put_in_seen_order
+from automos.readers.scan_times import read_times, times_file
 from automos.readers.sensor_place import find_frame, frame_said, read_viewpoints
-from automos.readers.time_order import put_in_order, usual_step
-from automos.readers.times_beside import read_times, times_file
+from automos.readers.time_order import put_in_order, put_in_seen_order, usual_step
 from automos.readers.turns import parts_said
 from automos.readers.units import unit_of
 

@@ -1,34 +1,45 @@
-"""What a reader declares of itself, how it finds recordings and gets the optional package it may need."""
+"""What a reader declares of itself, how it finds recordings, and the sequences that readers derive from.
 
+A listed sequence has one file per scan, of a kind that its format fixes, listed once, read when asked for. A sensor's
+is one of those in a file, named as if the file were a folder: `drive.pcap/SENSOR`.
+"""
+
+import hashlib
 import importlib
-from collections.abc import Callable
+import os
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from automos.core.errors import MissingExtraError
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.errors import InputError, MissingExtraError
 from automos.core.extras import pip_install
-from automos.core.scan import Sequence
+from automos.core.scan import Sequence as ScanSequence
+from automos.readers.files import is_text
 
 
 @dataclass(frozen=True)
 class Format:
-    """A format of recordings: the constant `FORMAT` of each module that reads one.
+    """A format of recordings: `FORMAT` of each module that reads one, or in its `FORMATS`.
 
     Attributes
     ----------
     layout : what its recordings look like on disk, in one line; up to a colon or semicolon, what they are.
-    truth : where labels to compare with come from; empty where it has none.
     find : returns the recordings of this format at a path, none where it is of another. Needs no optional package.
     open : returns one of them; takes the path and, where `has_codecs`, the codec the user asked for or None.
+    truth : where labels to compare with come from; empty where it has none.
     needs : the extra to install, None where the core suffices.
     has_codecs : whether its scans are point files of any of the kinds in `codecs`.
     """
 
     layout: str
-    truth: str
     find: Callable[[Path], list[Path]]
-    open: Callable[..., Sequence]
+    open: Callable[..., ScanSequence]
+    truth: str = ""
     needs: str | None = None
     has_codecs: bool = False
 
@@ -53,3 +64,182 @@ def import_extra(module: str, extra: str) -> Any:
     except ImportError:
         package = module.partition(".")[0]
         raise MissingExtraError(f"{package} is not installed; run: {pip_install(extra)}") from None
+
+
+class ListedSequence(ScanSequence):
+    """Scans in files; readers derive from it and say how one is read."""
+
+    source: Path
+
+    def __init__(
+        self,
+        source: Path,
+        files: Sequence[Path],
+        names: Sequence[str] | None = None,
+        stamps: npt.ArrayLike | None = None,
+        name: str | None = None,
+    ):
+        """Take the scans' files in time order, their names (none: the files' stems) and stamps in seconds.
+
+        Raises
+        ------
+        InputError
+            No files, or stamps that do not increase.
+        """
+        stray = next((file for file in files if not is_text(file.name)), None)
+        if stray is not None:
+            raise InputError(f"{source} holds a scan whose name is not UTF-8, {stray.name!a}; rename it")
+        if not files:
+            raise InputError(f"{source} holds no scans; check that it was copied or downloaded whole")
+        self.source = source
+        self.name = name or source.resolve().name
+        self._files = list(files)
+        self._names = [file.stem for file in files] if names is None else list(names)
+        twice = next((name for name, count in Counter(self._names).items() if count > 1), None)
+        if twice is not None:
+            raise InputError(
+                f"{source} has two scans named {twice}, whose labels would have one name; remove one of them"
+            )
+        self._stamps = None if stamps is None else np.asarray(stamps, np.float64)
+        if self._stamps is not None:
+            require_increasing(self._stamps, self._names, source)
+
+    def __len__(self) -> int:
+        return len(self._files)
+
+    @property
+    def names(self) -> list[str]:
+        """One name per scan."""
+        return self._names
+
+    @property
+    def stamps(self) -> npt.NDArray[np.float64] | None:
+        """(len,) seconds or None."""
+        return self._stamps
+
+    def fingerprint(self) -> str:
+        """Return a text that changes when a file's name, size or time of change does, or the stamps."""
+        stamps = b"" if self._stamps is None else self._stamps.tobytes()
+        return f"{super().fingerprint()}:{digest_of_files(self._files, stamps)}"
+
+
+def stamped_files(folder: Path, suffix: str, unit: float = 1e-9) -> tuple[list[Path], npt.NDArray[np.float64]]:
+    """Return the files of `folder` that are named by their time alone, in order of it, and those times in seconds.
+
+    Raises
+    ------
+    InputError
+        A file of another name.
+    """
+    files = [path for path in folder.glob(f"*{suffix}") if not path.name.startswith(".")]
+    stray = next((path for path in files if not (path.stem.isascii() and path.stem.isdecimal())), None)
+    if stray is not None:
+        raise InputError(f"{stray} is not named by its time; {folder} must hold only scans that are")
+    files.sort(key=lambda path: int(path.stem))
+    return files, unit * np.array([int(path.stem) for path in files], np.float64)
+
+
+def digest_of_files(files: Iterable[Path], *more: bytes) -> str:
+    """Return a text that changes when the name, size or time of change of any of `files` does, or `more`.
+
+    Raises
+    ------
+    InputError
+        One of them is absent.
+    """
+    digest = hashlib.sha256()
+    for file in files:
+        try:
+            status = file.stat()
+        except OSError as error:
+            raise InputError(f"{file} cannot be read: {error.strerror}; the recording is not whole") from None
+        digest.update(os.fsencode(f"{file.name}\0{status.st_size}\0{status.st_mtime_ns}\n"))  # names are any bytes
+    for part in more:
+        digest.update(part)
+    return digest.hexdigest()
+
+
+def require_increasing(stamps: npt.NDArray[np.float64], names: Sequence[str], where: Path) -> None:
+    """Raise where `stamps` (N,) in seconds repeat or run backwards; `names` and `where` are for the message.
+
+    Raises
+    ------
+    InputError
+        A scan is not later than the one before it.
+    """
+    is_late = ~(np.diff(stamps) > 0)
+    if is_late.any():
+        late = int(np.argmax(is_late)) + 1
+        raise InputError(
+            f"{where}: scan {names[late]} at {stamps[late]:.6f} s is not after the one before it "
+            f"({stamps[late - 1]:.6f} s); the recording's clock repeats or runs backwards: correct its times"
+        )
+
+
+CAPTURES = (".pcap", ".pcapng")
+"""What the names of captures end in."""
+
+
+def is_capture(path: Path) -> bool:
+    """Return whether a file has the name of a capture."""
+    return path.suffix.lower() in CAPTURES and path.is_file()
+
+
+class SensorSequence(ScanSequence):
+    """The sweeps of one sensor, as measured; readers derive from it, find them, and set `_stamps` and `_identity`."""
+
+    source: Path
+    _stamps: npt.NDArray[np.float64]
+    _identity: str
+
+    def __init__(self, path: Path):
+        """Take the file at `path`, or the one that `path` names a sensor below."""
+        self._address = path
+        self.source, self._wanted = split_sensor(path)
+        self.name = self.source.stem if self._wanted is None else f"{self.source.stem}_{self._wanted}"
+
+    @property
+    def address(self) -> Path:
+        """The file, or the sensor that was asked for below it."""
+        return self._address
+
+    def __len__(self) -> int:
+        return len(self._stamps)
+
+    @property
+    def stamps(self) -> npt.NDArray[np.float64]:
+        """(len,) seconds, of each sweep's first packet on the sensor's clock, which may be set to the recorder's."""
+        return self._stamps
+
+    @property
+    def is_compensated(self) -> bool:
+        """Packets are as measured."""
+        return False
+
+    def fingerprint(self) -> str:
+        """Return a text that changes when the files do, or the sensor."""
+        return f"{super().fingerprint()}:{self._identity}:{digest_of_files(self._files())}"
+
+    def _files(self) -> list[Path]:
+        return [self.source]
+
+
+def split_sensor(path: Path) -> tuple[Path, str | None]:
+    """Return the file at `path` and None, or the file that `path` lies below and the sensor named there."""
+    return (path, None) if path.exists() else (path.parent, path.name)
+
+
+def choose_sensor(file: Path, wanted: str | None, sensors: Sequence[str], kind: str) -> str:
+    """Return which of the `sensors` (at least one) in `file` to read: the one `wanted`, else the only one.
+
+    Raises
+    ------
+    InputError
+        There is no such sensor, or none is wanted and there are several; `kind`, "Velodyne", is what they are called.
+    """
+    listed = ", ".join(sensors)
+    if wanted is not None and wanted not in sensors:
+        raise InputError(f"{file} has no {kind} {wanted}; it has: {listed}")
+    if wanted is None and len(sensors) > 1:
+        raise InputError(f"{file} has {len(sensors)} {kind}s ({listed}); give one, as {file / sensors[0]}")
+    return wanted or sensors[0]

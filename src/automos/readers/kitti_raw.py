@@ -18,7 +18,7 @@ from automos.core.reading import DAMAGE, is_there, read_bytes
 from automos.core.scan import Pose
 from automos.readers.box_truth import DrawnBoxes, checked_boxes
 from automos.readers.folder import FolderSequence
-from automos.readers.formats import Format
+from automos.readers.formats import Format, require_increasing
 from automos.readers.kitti_calibration import (
     PACKET,
     Camera,
@@ -29,10 +29,9 @@ from automos.readers.kitti_calibration import (
     rigid,
     take,
 )
-from automos.readers.listed import require_increasing
 from automos.readers.records import read_table
+from automos.readers.scan_times import read_times
 from automos.readers.stamped_poses import rigid_transforms, sensor_poses, truth_beside
-from automos.readers.times_beside import read_times
 
 _SCANS = ("velodyne_points/data", "ouster_points/data")
 """Of KITTI and KITTI-360, and of VBR's converter."""

@@ -13,7 +13,7 @@ from automos.core.scan import Pose
 from automos.core.upright_boxes import Boxes
 from automos.readers.box_truth import DrawnBoxes, checked_boxes
 from automos.readers.folder import FolderSequence
-from automos.readers.formats import Format
+from automos.readers.formats import Format, require_increasing
 from automos.readers.kitti_calibration import (
     IMAGE_SIZE,
     PACKET,
@@ -25,7 +25,6 @@ from automos.readers.kitti_calibration import (
     rigid,
     take,
 )
-from automos.readers.listed import require_increasing
 from automos.readers.records import read_table
 from automos.readers.stamped_poses import sensor_poses
 

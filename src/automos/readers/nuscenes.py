@@ -20,8 +20,7 @@ from automos.core.scan import Pose, Scan
 from automos.readers.box_truth import DrawnBoxes, DrawnTruth, checked_boxes, judge_boxes
 from automos.readers.codecs import read_columns
 from automos.readers.columns import to_scan
-from automos.readers.formats import Format
-from automos.readers.listed import ListedSequence
+from automos.readers.formats import Format, ListedSequence
 from automos.readers.stamped_poses import from_quaternions, sensor_poses
 
 _MOVING = ("vehicle.moving", "cycle.with_rider", "pedestrian.moving")

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
-from automos.readers.sensor_choice import CAPTURES
+from automos.readers.formats import CAPTURES
 
 _PACKED = {
     b"\x1f\x8b": ("gzip", "gunzip -k {}"),

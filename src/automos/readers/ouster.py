@@ -17,10 +17,16 @@ from automos.core.errors import AutomosError, InputError, MissingExtraError
 from automos.core.reading import require_regular
 from automos.core.scan import Scan
 from automos.readers.foreign import limited
-from automos.readers.formats import Format, import_extra, recordings_at
-from automos.readers.listed import require_increasing
+from automos.readers.formats import (
+    Format,
+    SensorSequence,
+    choose_sensor,
+    import_extra,
+    is_capture,
+    recordings_at,
+    require_increasing,
+)
 from automos.readers.packets.pcap import require_whole
-from automos.readers.sensor_choice import SensorSequence, choose_sensor, is_capture
 
 _RETURNS = (("RANGE", "REFLECTIVITY"), ("RANGE2", "REFLECTIVITY2"))
 _TURN, _FARTHEST_MOUNT = 360.0, 1e4
@@ -195,7 +201,6 @@ def _column_seconds(frame: Any) -> npt.NDArray[np.float64]:
 
 FORMAT = Format(
     layout="Ouster: .pcap or .pcapng and its .json, or .osf; of several sensors give one: drive.pcap/SERIAL",
-    truth="",
     find=find,
     open=OusterSequence,
     needs="ouster",

@@ -19,8 +19,7 @@ from automos.core.geometry import inverse
 from automos.core.reading import MAX_TEXT, is_there, read_json
 from automos.core.scan import Pose, Scan
 from automos.readers.columns import Columns, to_scan
-from automos.readers.formats import Format, recordings_at
-from automos.readers.listed import ListedSequence
+from automos.readers.formats import Format, ListedSequence, recordings_at
 from automos.readers.stamped_poses import from_quaternions
 
 _SPINNING = 0
@@ -129,7 +128,6 @@ class PandasetSequence(ListedSequence):
 
 FORMAT = Format(
     layout="PandaSet: lidar/*.pkl.gz, poses.json, timestamps.json",
-    truth="",
     find=lambda path: recordings_at(path, _is_recording),
     open=PandasetSequence,
 )

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.scan import MIN_RANGE
+from automos.readers.codecs import LAYOUTS, parse_columns, spell_columns
 from automos.readers.columns import MAX_SWEEP, find_time_unit, is_measured
-from automos.readers.layouts import LAYOUTS, parse_columns, spell_columns
 from automos.readers.records import SHARE, are_lengths
 
 Rows = npt.NDArray[np.uint8]

@@ -12,10 +12,9 @@ from automos.core.geometry import inverse, transform
 from automos.core.pose_files import read_poses
 from automos.core.scan import Mask, Pose, Scan, Sequence
 from automos.readers.bag import Bag, name_of, reported, split_address
-from automos.readers.bag_topics import choose_topic, is_named_world, odometry_frames
-from automos.readers.bag_transforms import Joint, joints_of, poses_in
+from automos.readers.bag_topics import Joint, choose_topic, is_named_world, joints_of, odometry_frames, poses_in
 from automos.readers.columns import Columns, coordinates, time_column, to_scan
-from automos.readers.listed import digest_of_files
+from automos.readers.formats import digest_of_files
 from automos.readers.point_cloud2 import EMPTY
 from automos.readers.point_times import judge_times
 from automos.readers.sensor_place import find_frame, frame_said

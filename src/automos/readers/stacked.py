@@ -83,7 +83,6 @@ class StackedSequence(ZippedSequence):
 
 FORMAT = Format(
     layout="scans in one file: .npy of shape (S, N, 3 or more), .npz of numbered arrays",
-    truth="",
     find=find,
     open=StackedSequence,
     has_codecs=True,

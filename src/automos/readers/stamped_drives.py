@@ -15,10 +15,9 @@ import numpy as np
 from automos.core.geometry import Array, make_transform
 from automos.core.reading import is_there
 from automos.core.scan import Pose, Scan
+from automos.readers.codecs import parse_columns
 from automos.readers.columns import Columns, to_scan
-from automos.readers.formats import Format, recordings_at
-from automos.readers.layouts import parse_columns
-from automos.readers.listed import ListedSequence, stamped_files
+from automos.readers.formats import Format, ListedSequence, recordings_at, stamped_files
 from automos.readers.records import read_records, read_table
 from automos.readers.stamped_poses import from_quaternions, poses_at, rigid_transforms, sensor_poses
 
@@ -143,19 +142,16 @@ def _open_helipr(source: Path) -> DriveSequence:
     return DriveSequence(source, drive, f"{place.parent.parent.name}_{sensor}")
 
 
+def _format(layout: str, drive: Drive) -> Format:
+    return Format(layout, partial(recordings_at, is_recording=drive.is_recording), partial(DriveSequence, drive=drive))
+
+
 FORMATS = {
     "helipr": Format(
         layout="HeLiPR: LiDAR/{Aeva,Avia,Ouster,Velodyne}/*.bin, LiDAR_GT/; each sensor is a recording",
-        truth="",
         find=_find_helipr,
         open=_open_helipr,
-    )
-} | {
-    name: Format(
-        layout, "", partial(recordings_at, is_recording=drive.is_recording), partial(DriveSequence, drive=drive)
-    )
-    for name, layout, drive in (
-        ("mulran", "MulRan: Ouster/*.bin, global_pose.csv", MULRAN),
-        ("boreas", "Boreas: lidar/*.bin, applanix/lidar_poses.csv", BOREAS),
-    )
+    ),
+    "mulran": _format("MulRan: Ouster/*.bin, global_pose.csv", MULRAN),
+    "boreas": _format("Boreas: lidar/*.bin, applanix/lidar_poses.csv", BOREAS),
 }

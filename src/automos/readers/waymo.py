@@ -21,8 +21,7 @@ from automos.core.labels import Label
 from automos.core.reading import damage_reported, is_there
 from automos.core.scan import Pose, Scan
 from automos.readers.box_truth import DrawnBoxes, DrawnTruth, centers_in_world, checked_boxes, judge_boxes
-from automos.readers.formats import Format
-from automos.readers.listed import digest_of_files, require_increasing
+from automos.readers.formats import Format, digest_of_files, require_increasing
 from automos.readers.mounts import checked_mount
 from automos.readers.parquet import RowReader, read_columns
 from automos.readers.range_image import place_pixels

@@ -16,8 +16,7 @@ from automos.core.own_sequence import OwnSequence
 from automos.core.reading import MAX_TEXT
 from automos.readers.codecs import CODEC_OF_SUFFIX, read_columns
 from automos.readers.columns import Columns
-from automos.readers.formats import Format
-from automos.readers.listed import digest_of_files
+from automos.readers.formats import Format, digest_of_files
 from automos.readers.record_layout import find_columns
 
 _MACS = "__MACOSX/"

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from automos.results.run_files import RunFiles
     from automos.writers.formats import Export
 
-_HOMES = {
+_FAMILIES = {
     "scan_files": ("panoptic", "instances", "pcd", "ply", "laz", "parquet", "mcap"),
     "box_files": ("kitti_tracking", "nuscenes", "openlabel"),
     "nuscenes_tables": ("nuscenes-tables", "t4"),
@@ -28,7 +28,7 @@ _HOMES = {
     "annotation_tools": ("cvat", "supervisely", "sustech"),
     "flow": ("flow-av2", "opensceneflow"),
 }
-"""Modules that write several formats; others write one, of their name. Each declares its own as `EXPORTS`."""
+"""Modules that write several formats; others write one, of their name. They declare `EXPORTS`, others `EXPORT`."""
 EXPORTS: tuple[str, ...] = (
     "semantickitti", "panoptic", "instances", "pcd", "ply", "laz", "parquet", "mcap",
     "kitti_tracking", "nuscenes", "nuscenes-tables", "t4", "openpcdet", "mmdet3d", "openlabel",
@@ -49,8 +49,9 @@ def load_export(name: str) -> Export:
     if name not in EXPORTS:
         near = difflib.get_close_matches(name.lower(), EXPORTS, n=1, cutoff=0.0)
         raise InputError(f"unknown format {name!r}; did you mean {near[0]!r}? Known are: {', '.join(EXPORTS)}")
-    home = next((module for module, formats in _HOMES.items() if name in formats), name)
-    declared: Export = importlib.import_module(f"automos.writers.{home}").EXPORTS[name]
+    family = next((module for module, formats in _FAMILIES.items() if name in formats), None)
+    module = importlib.import_module(f"automos.writers.{family or name}")
+    declared: Export = module.EXPORTS[name] if family else module.EXPORT
     return declared
 
 

@@ -125,8 +125,4 @@ def _write_masks(
             Image.fromarray(mask).save(temporary, "PNG")
 
 
-EXPORTS = {
-    "drivestudio": Export(
-        writes="drivestudio's processed scene: images, lidar, ego_pose, instances, dynamic_masks", write=write
-    ),
-}
+EXPORT = Export(writes="drivestudio's processed scene: images, lidar, ego_pose, instances, dynamic_masks", write=write)

@@ -43,8 +43,6 @@ def _columns(run: RunFiles, index: int, T_first_sensor: npt.NDArray[np.float64])
     return {"x": points[:, 0], "y": points[:, 1], "z": points[:, 2], "intensity": is_moving.astype(np.float32)}
 
 
-EXPORTS = {
-    "dynamicmap": Export(
-        writes="pcd/*.pcd in the world's frame with VIEWPOINT, gt_cloud.pcd: DynamicMap_Benchmark, dufomap", write=write
-    ),
-}
+EXPORT = Export(
+    writes="pcd/*.pcd in the world's frame with VIEWPOINT, gt_cloud.pcd: DynamicMap_Benchmark, dufomap", write=write
+)

@@ -103,11 +103,9 @@ def _boxes(run: RunFiles, index: int, time: int) -> list[Any]:
     ]
 
 
-EXPORTS = {
-    "ncore": Export(
-        writes="NVIDIA NCore v4: RECORDING.ncore4.zarr.itar, tracks of boxes",
-        write=write,
-        needs="ncore",
-        modules=("ncore", "upath"),
-    ),
-}
+EXPORT = Export(
+    writes="NVIDIA NCore v4: RECORDING.ncore4.zarr.itar, tracks of boxes",
+    write=write,
+    needs="ncore",
+    modules=("ncore", "upath"),
+)

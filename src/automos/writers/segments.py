@@ -95,8 +95,4 @@ def _segmentation(run: RunFiles, index: int, is_finite: Mask, loose: int) -> dic
     return {"format_version": "0.2", "annotations": annotations, "point_annotations": objects.tolist()}
 
 
-EXPORTS = {
-    "segments": Export(
-        writes="Segments.ai sample, cuboids and segmentation", write=write, per_scan=("pointclouds/*.pcd",)
-    ),
-}
+EXPORT = Export(writes="Segments.ai sample, cuboids and segmentation", write=write, per_scan=("pointclouds/*.pcd",))

@@ -22,8 +22,7 @@ from worlds import ROADSIDE, SENSOR_HEIGHT, TRAFFIC, cast, iou_of_moving
 from automos.cli import app
 from automos.core.errors import InputError, MissingExtraError
 from automos.core.labels import Label
-from automos.readers import find_recordings, open_sequence
-from automos.readers.packets import FORMAT
+from automos.readers import find_recordings, load_format, open_sequence
 from automos.readers.packets.sequence import PacketSequence
 
 decoder = pytest.importorskip("velodyne_decoder")
@@ -242,7 +241,7 @@ def test_whose_packets_a_capture_holds_is_told_by_them_not_by_its_name(tmp_path)
     velodyne = capture(tmp_path / "a.pcap", data_packets(*room(n_packets=10)))
     other = write_pcap(tmp_path / "b.pcap", [(HOUR, udp(bytes(3392), port=7502))])
     assert find_recordings(tmp_path) == [velodyne]
-    assert FORMAT.find(other) == []
+    assert load_format("packets").find(other) == []
     with pytest.raises(InputError, match=r"b.pcap has no metadata b.json beside it, .* no packets of a known Velodyne"):
         open_sequence(other)
     with pytest.raises(InputError, match=r"b.pcap is not a recording of format 'packets' \(packets: .pcap"):
@@ -368,7 +367,7 @@ def test_a_sweep_without_returns_is_an_empty_scan(tmp_path):
 def test_without_the_extra_the_command_to_install_it_is_named(tmp_path, monkeypatch):
     path = capture(tmp_path / "drive.pcap", data_packets(*room(n_packets=10)))
     monkeypatch.setitem(__import__("sys").modules, "velodyne_decoder", None)
-    assert FORMAT.find(path) == [path]
+    assert load_format("packets").find(path) == [path]
     with pytest.raises(MissingExtraError, match=r"pip install '.*\[velodyne\]'"):
         open_sequence(path)
 

@@ -17,13 +17,12 @@ from automos.core.errors import InputError
 from automos.core.reading import is_there
 from automos.core.scan import Scan
 from automos.readers.foreign import limited
-from automos.readers.listed import require_increasing
+from automos.readers.formats import Format, SensorSequence, choose_sensor, is_capture, recordings_at, require_increasing
 from automos.readers.packets.beams import TOLD, table_beside
 from automos.readers.packets.decode import Decoder, make_decoder, to_scan
 from automos.readers.packets.lvx import SUFFIXES, LvxFile
 from automos.readers.packets.pcap import Capture, Datagrams, join, open_capture, sender_name
 from automos.readers.packets.sweeps import find_packets, find_sweeps, kinds_in
-from automos.readers.sensor_choice import SensorSequence, choose_sensor, is_capture
 
 _TOLD_WITHIN = (0, 1 << 24)
 """The part of a capture that is searched for what a sensor says of its beams: 16 MB are more than a second."""
@@ -142,3 +141,16 @@ class PacketSequence(SensorSequence):
                 yield from (payload.tobytes() for payload in piece.payloads[is_told])
         for index in range(len(self)):
             yield from (payload.tobytes() for payload in self._packets(index).payloads)
+
+
+def find(path: Path) -> list[Path]:
+    """Return the recordings at `path`: itself, a sensor of it, or those that lie in it by name."""
+    return [path] if holds_packets(path.parent) else recordings_at(path, holds_packets)
+
+
+FORMAT = Format(
+    layout="packets: .pcap or .pcapng of Velodyne (extra velodyne), Hesai, RoboSense or Livox, .lvx, "
+    ".lvx2; of several give one: drive.pcap/ADDRESS-PORT",
+    find=find,
+    open=PacketSequence,
+)

@@ -11,9 +11,9 @@ import numpy.typing as npt
 from automos.core.atomic import write_bytes, write_npy, write_raw
 from automos.core.errors import InputError
 from automos.core.reading import read_array, read_bytes
+from automos.readers.codecs import parse_columns
 from automos.readers.folder import FolderSequence
 from automos.readers.formats import import_extra
-from automos.readers.layouts import parse_columns
 from automos.readers.npy import as_rows
 from automos.readers.pcd import read, read_header
 from automos.writers.point_columns import write_pcd
