@@ -44,15 +44,7 @@ OPTIONAL = (
     "PIL",
 )
 
-OF_TORCH = {
-    *("automos.network.checkpoint", "automos.network.export", "automos.network.module", "automos.network.checkpoint"),
-    *(
-        "automos.network.module",
-        "automos.network.module",
-        "automos.network.salsanext",
-        "automos.network.training",
-    ),
-}
+OF_TORCH = {f"automos.network.{name}" for name in ("checkpoint", "export", "module", "salsanext", "training")}
 
 
 def name_of(path: Path) -> str:

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from automos.evaluation.overlaps import NO_TRACK, NOT_MOVING, STANDS, Overlaps
-from automos.evaluation.tracking import detections, hota, identity
+from automos.evaluation.overlaps import NO_TRACK, NOT_MOVING, STANDS, Overlaps, detections, hota, identity
 
 
 def table(*rows):

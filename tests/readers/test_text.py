@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from automos.readers.text import parse_table
+from automos.readers.records import parse_table
 
 numbers = st.floats(-1e100, 1e100) | st.sampled_from([np.nan, np.inf, -np.inf])
 

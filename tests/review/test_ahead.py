@@ -16,11 +16,11 @@ from automos.core.workspace import UNFINISHED, Workspace
 from automos.objects.verdict import Verdict
 from automos.results.open_run import open_run
 from automos.review import session as session_module
+from automos.review.ahead import Waiting
 from automos.review.log import append_lines, now
 from automos.review.proposals import Proposer
 from automos.review.queue import Queue
 from automos.review.session import Session
-from automos.review.waiting import Waiting
 
 
 @pytest.fixture

@@ -17,12 +17,12 @@ from automos.core.labels import Label
 from automos.objects.verdict import Verdict
 from automos.results.open_run import open_run
 from automos.review import pictures, queue
+from automos.review.ahead import Waiting
 from automos.review.amendments import Part, append_verdicts, read_amendments
 from automos.review.apply import reapply
 from automos.review.log import LOG_FILE, read_lines
 from automos.review.session import Session
-from automos.review.waiting import Waiting
-from automos.views.thumbnails import Thumbnails
+from automos.views.ground_map import Thumbnails
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 from automos.core import workspace
 from automos.results.open_run import open_run
-from automos.review.pictures import Pictures
+from automos.review.ahead import Pictures
 from automos.review.session import Session
 from automos.review.writer import Gain
 

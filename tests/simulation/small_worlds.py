@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from automos.simulation.ego import EgoMotion
 from automos.simulation.shapes.mesh import Mesh, join
 from automos.simulation.shapes.things import Thing
 from automos.simulation.traffic.driving import DT
-from automos.simulation.traffic.motion import Motion
+from automos.simulation.traffic.motion import EgoMotion, Motion
 from automos.simulation.world import World
 
 N_STEPS = 60

@@ -9,10 +9,10 @@ from automos.core.errors import InputError
 from automos.core.geometry import inverse, transform
 from automos.core.labels import OUTLIER, Label, to_mos
 from automos.simulation import Conditions, record, simulate
-from automos.simulation.ego import EgoMotion
 from automos.simulation.rigs import RIGS, Part, placed, ride_on, rigs
 from automos.simulation.scenarios import build_world
 from automos.simulation.traffic.driving import DT
+from automos.simulation.traffic.motion import EgoMotion
 
 ASKED = ("canyon", "OS1-64", 8, 4)
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from automos.simulation.ego import ride
 from automos.simulation.traffic.driving import DT
+from automos.simulation.traffic.motion import ride
 
 N = 200
 TIME = DT * np.arange(N)

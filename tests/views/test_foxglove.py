@@ -16,7 +16,7 @@ client = pytest.importorskip("websockets.sync.client", reason="pip install webso
 
 @pytest.fixture
 def view():
-    from automos.views.foxglove import FoxgloveView
+    from automos.views.live import FoxgloveView
 
     made = FoxgloveView("street")
     yield made

@@ -4,7 +4,7 @@ import base64
 
 import numpy as np
 
-from automos.views.thumbnails import GRID, Thumbnails
+from automos.views.ground_map import GRID, Thumbnails
 
 
 def track(centers):

@@ -224,7 +224,7 @@ def test_points_on_no_track_are_an_object_of_their_own_for_segments_though_ids_h
 def test_segments_holds_the_points_of_one_scan_at_a_time(run, tmp_path, monkeypatch):
     n_points = 200_000
     frame = lambda *_: {"point_annotations": [0] * n_points}  # noqa: E731
-    monkeypatch.setattr("automos.writers.segments._segmentation", frame)
+    monkeypatch.setattr("automos.writers.annotation_tools._segmentation", frame)
     out = tmp_path / "sample"
     peak = peak_memory(lambda: export(run, "segments", out))
     assert peak < 5 * 8 * n_points  # a list of pointers, its texts and what joins them; three scans have three of each

@@ -54,7 +54,7 @@ def compare(
     """
     from automos.baselines.comparison.compare import compare as compare_methods
     from automos.baselines.comparison.compare import require_scan, write_comparison
-    from automos.baselines.comparison.labelers import choose_methods
+    from automos.baselines.methods import choose_methods
     from automos.core.errors import InputError
     from automos.core.scan import MAX_RANGE
 
@@ -109,7 +109,7 @@ def make_map(
 
     automos map kitti/sequences/07 --method removert       also scored: the recording has ground truth
     """
-    from automos.baselines.comparison.labelers import choose_methods
+    from automos.baselines.methods import choose_methods
     from automos.core.atomic import held
     from automos.core.errors import InputError
     from automos.core.workspace import Workspace

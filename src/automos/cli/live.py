@@ -116,7 +116,7 @@ def _showing(web: bool, browser: bool, points: int, name: str, port: int, stack:
 
 
 def _serving(name: str, port: int, stack: ExitStack) -> Sink:
-    from automos.views.foxglove import FoxgloveView
+    from automos.views.live import FoxgloveView
 
     served = FoxgloveView(name, port)
     stack.callback(served.close)

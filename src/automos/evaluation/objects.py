@@ -148,7 +148,7 @@ def association(movers: Movers) -> float:
 
 def scores_of_objects(overlaps: Overlaps) -> dict[str, Any]:
     """Return all measures of a recording's objects, or of several `pooled`, as plain numbers, nan if undefined."""
-    from automos.evaluation.tracking import detections, hota, identity
+    from automos.evaluation.overlaps import detections, hota, identity
 
     movers, tracks, found = movers_of(overlaps), count_tracks(overlaps), detections(overlaps)
     return {

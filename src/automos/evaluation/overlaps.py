@@ -1,13 +1,19 @@
-"""Points that true movers and found tracks share, scan by scan: the table from which all measures of objects follow."""
+"""Points that true movers and found tracks share, scan by scan, and what follows from them: HOTA and IDF1.
 
-from collections.abc import Iterable
+A detection is what a scan holds of one mover, or of one moving track; two are as similar as the IoU of their points.
+HOTA: Luiten et al., IJCV 2021. IDF1: Ristani et al., ECCV Workshops 2016.
+"""
+
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import linear_sum_assignment
 
 from automos.core.column_data import ColumnData
+from automos.core.geometry import Array
 from automos.core.labels import Label, to_mos
 
 Ints = npt.NDArray[np.int64]
@@ -88,3 +94,83 @@ def pooled(recordings: Iterable[Overlaps]) -> Overlaps:
             Overlaps(one.scan + own, mover, np.where(one.track > NO_TRACK, one.track + own, one.track), one.n_points)
         )
     return Overlaps.concatenate(parts)
+
+
+ALPHAS = np.arange(0.05, 0.99, 0.05)
+"""Similarities from which two detections may match, over which HOTA is the mean."""
+SAME = 0.5
+"""Similarity from which IDF1 counts a track as being on a mover in a scan."""
+_EPS = np.finfo(np.float64).eps
+
+
+@dataclass(frozen=True, eq=False)
+class Detections:
+    """What the scans hold: of each scan the rows of its movers and tracks, and their similarity (G, T)."""
+
+    n_movers: int
+    n_tracks: int
+    scans: list[tuple[npt.NDArray, npt.NDArray, Array]]
+
+    def __iter__(self) -> Iterator[tuple[npt.NDArray, npt.NDArray, Array]]:
+        return iter(self.scans)
+
+
+def hota(found: Detections) -> dict[str, float]:
+    """Return HOTA and its parts, detection and association accuracy (DetA, AssA), means over `ALPHAS`, in [0, 1].
+
+    All are nan of a recording in which nothing moves, neither in truth nor by the labels.
+    """
+    alike = np.zeros((found.n_movers, found.n_tracks))
+    of_mover, of_track = np.zeros((found.n_movers, 1)), np.zeros((1, found.n_tracks))
+    for movers, tracks, similarity in found:
+        total = similarity.sum(axis=0)[None, :] + similarity.sum(axis=1)[:, None] - similarity
+        alike[np.ix_(movers, tracks)] += np.divide(similarity, total, out=np.zeros_like(total), where=total > _EPS)
+        of_mover[movers, 0] += 1
+        of_track[0, tracks] += 1
+    alignment = alike / np.maximum(of_mover + of_track - alike, _EPS)
+    pairs = []
+    for movers, tracks, similarity in found:
+        rows, columns = linear_sum_assignment(-alignment[np.ix_(movers, tracks)] * similarity)
+        pairs.append(np.stack([movers[rows], tracks[columns], similarity[rows, columns]]))
+    mover, track, alikeness = np.concatenate([np.zeros((3, 0)), *pairs], axis=1)
+    n_detections, detected, associated = of_mover.sum() + of_track.sum(), [], []
+    for alpha in ALPHAS:
+        is_match = alikeness >= alpha - _EPS
+        (of, by), n = np.unique(np.stack([mover, track])[:, is_match].astype(int), axis=1, return_counts=True)
+        together = n / np.maximum(of_mover[of, 0] + of_track[0, by] - n, 1.0)
+        detected.append(n.sum() / max(n_detections - n.sum(), 1.0))
+        associated.append((n * together).sum() / max(n.sum(), 1.0))
+    parts = np.array([np.sqrt(np.multiply(detected, associated)), detected, associated])
+    means = parts.mean(axis=1) if found.scans else np.full(3, np.nan)
+    return dict(zip(("hota", "det_a", "ass_a"), means.tolist(), strict=True))
+
+
+def identity(found: Detections) -> dict[str, float]:
+    """Return IDF1, in [0, 1]: of movers and tracks paired one to one so that most detections agree; nan of none."""
+    agree = np.zeros((found.n_movers, found.n_tracks))
+    n_detections = 0
+    for movers, tracks, similarity in found:
+        agree[np.ix_(movers, tracks)] += similarity >= SAME
+        n_detections += len(movers) + len(tracks)
+    right = agree[linear_sum_assignment(-agree)].sum()
+    return {"idf1": float(2.0 * right / n_detections) if n_detections else float("nan")}
+
+
+def detections(overlaps: Overlaps) -> Detections:
+    """Return each scan's movers and tracks, and the IoU of their points."""
+    movers, tracks = (np.unique(column[column > 0]) for column in (overlaps.mover, overlaps.track))
+    scans = []
+    order = np.argsort(overlaps.scan, kind="stable")
+    for rows in np.split(order, np.flatnonzero(np.diff(overlaps.scan[order])) + 1):
+        here = overlaps[rows]
+        own, found = (np.unique(column[column > 0]) for column in (here.mover, here.track))
+        if not len(own) + len(found):
+            continue
+        shared = np.zeros((len(own) + 1, len(found) + 1))  # the last: points on no mover, on no track
+        row = np.where(here.mover > STANDS, np.searchsorted(own, here.mover), len(own))
+        column = np.where(here.track > NO_TRACK, np.searchsorted(found, here.track), len(found))
+        np.add.at(shared, (row, column), here.n_points)
+        both = shared[:-1, :-1]
+        union = shared[:-1].sum(axis=1)[:, None] + shared[:, :-1].sum(axis=0)[None, :] - both
+        scans.append((np.searchsorted(movers, own), np.searchsorted(tracks, found), both / np.maximum(union, 1.0)))
+    return Detections(len(movers), len(tracks), scans)

@@ -18,11 +18,10 @@ from automos.live.udp import UdpFeed, parse_address
 from automos.readers import open_sequence
 from automos.readers.formats import import_extra
 from automos.readers.ouster import first_stamp, frame_to_scan, make_to_points
-from automos.readers.packets.decode import to_scan
+from automos.readers.packets.decode import FACTORY, VelodyneDecoder, tells_calibration, to_scan
 from automos.readers.packets.layouts import VELODYNE, layout_of
 from automos.readers.packets.pcap import Datagrams, join
 from automos.readers.packets.sweeps import SweepCutter
-from automos.readers.packets.velodyne import FACTORY, VelodyneDecoder, tells_calibration
 
 
 class OusterAssembler:

@@ -18,7 +18,7 @@ from automos.core.errors import InputError
 from automos.core.reading import damage_reported
 from automos.core.scan import Sequence
 from automos.readers.codecs import CODECS, LAYOUTS, is_columns, parse_columns
-from automos.readers.files import is_text
+from automos.readers.files import holds_point_files, holds_scans, is_text, natural_key, point_files
 from automos.readers.foreign import limited
 from automos.readers.formats import Format
 
@@ -38,8 +38,9 @@ FORMATS: tuple[str, ...] = (
 )  # fmt: skip
 """Formats of recordings in the order they are tried."""
 _FAMILIES = {
-    "stamped_drives": ("helipr", "mulran", "boreas"),
+    "stamped_drives": ("helipr", "mulran", "boreas", "apollo"),
     "kitti": ("kitti", "helimos", "semanticposs"),
+    "zipped": ("zipped", "stacked"),
 }
 """Modules that read several formats; others read one, of their name."""
 
@@ -170,8 +171,6 @@ def _others(path: Path, found: list[_Found], format: str | None) -> list[_Found]
     LeftOutError
         Scans lie in `path` itself, too.
     """
-    from automos.readers.files import holds_scans, natural_key, point_files
-
     recordings = {one.path for one in found}
     is_one = path in recordings
     if not path.is_dir() or (is_one and not (path / "velodyne").is_dir()):
@@ -194,8 +193,6 @@ def _others(path: Path, found: list[_Found], format: str | None) -> list[_Found]
 
 def _beside(path: Path, format: str | None) -> list[_Found]:
     """Return the recordings at `path`, none if it only looks like one, as text files that describe recordings do."""
-    from automos.readers.files import holds_point_files, holds_scans
-
     if not path.is_dir() or (holds_point_files(path) and not holds_scans(path)):
         return []
     try:
@@ -227,8 +224,6 @@ def _nothing_found(path: Path, format: str | None) -> str:
         if format in FORMATS:
             return f"{path} is not a recording of format {format!r} ({load_format(format).layout}); leave --format out"
         return f"{path} is a file; give the folder that holds the scans"
-    from automos.readers.files import holds_point_files
-
     entries = sorted(p for p in path.iterdir() if not p.name.startswith("."))
     if not entries:
         return f"{path} is empty; give a folder that holds scans"

@@ -22,8 +22,7 @@ from automos.readers.box_truth import DrawnBoxes, DrawnTruth, checked_boxes, jud
 from automos.readers.columns import to_scan
 from automos.readers.foreign import limited
 from automos.readers.formats import Format, ListedSequence, import_extra, recordings_at, stamped_files
-from automos.readers.mounts import checked_mount
-from automos.readers.stamped_poses import from_quaternions, poses_at, sensor_poses
+from automos.readers.stamped_poses import checked_mount, from_quaternions, poses_at, sensor_poses
 
 _SCANS = Path("sensors") / "lidar"
 _CALIBRATION = Path("calibration") / "egovehicle_SE3_sensor.feather"

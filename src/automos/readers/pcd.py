@@ -14,8 +14,7 @@ from automos.core.reading import read_bytes
 from automos.core.scan import Pose
 from automos.readers.columns import MAX_FIELDS, Columns
 from automos.readers.lzf import decompress
-from automos.readers.records import columns_of_field, require_in_place
-from automos.readers.text import parse_points
+from automos.readers.records import columns_of_field, parse_points, require_in_place
 
 _MAX_COUNT = 1 << 16
 """Values per point of one field; the largest histograms have hundreds."""

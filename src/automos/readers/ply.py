@@ -12,7 +12,7 @@ import numpy as np
 from automos.core.errors import InputError
 from automos.core.reading import read_bytes
 from automos.readers.columns import MAX_FIELDS, Columns
-from automos.readers.text import parse_points
+from automos.readers.records import parse_points
 
 _TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",

@@ -1,8 +1,10 @@
-"""Data sets whose scans are files named by their time, of one kind of record: Boreas, HeLiPR, MulRan.
+"""Data sets with a file of poses on a clock of its own: Apollo SouthBay, Boreas, HeLiPR, MulRan.
 
-What differs is in `DRIVES`: where the files lie, what a point holds, and how the poses that came with them are told.
-HeLiPR's sensors are recordings of their own, and every point has its time. MulRan's clouds are 64 x 1024, column after
-column, so that a point's place gives its beam and time; a few files are incomplete, and those have neither.
+Scans of the last three are files named by their time, of one kind of record. What differs is in a `Drive`: where the
+files lie, what a point holds, and how the poses that came with them are told. HeLiPR's sensors are recordings of their
+own, and every point has its time. MulRan's clouds are 64 x 1024, column after column, so that a point's place gives its
+beam and time; a few files are incomplete, and those have neither. Apollo's are point files, with the number, time and
+pose of each in poses/gt_poses.txt; its labelled version is in KITTI's layout and read as that.
 """
 
 from collections.abc import Callable
@@ -11,12 +13,15 @@ from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
+from automos.core.errors import InputError
 from automos.core.geometry import Array, make_transform
 from automos.core.reading import is_there
 from automos.core.scan import Pose, Scan
 from automos.readers.codecs import parse_columns
 from automos.readers.columns import Columns, to_scan
+from automos.readers.folder import FolderSequence
 from automos.readers.formats import Format, ListedSequence, recordings_at, stamped_files
 from automos.readers.records import read_records, read_table
 from automos.readers.stamped_poses import from_quaternions, poses_at, rigid_transforms, sensor_poses
@@ -146,6 +151,56 @@ def _format(layout: str, drive: Drive) -> Format:
     return Format(layout, partial(recordings_at, is_recording=drive.is_recording), partial(DriveSequence, drive=drive))
 
 
+_SCANS, _POSES = "pcds", Path("poses") / "gt_poses.txt"
+
+
+def _is_apollo(path: Path) -> bool:
+    return (path / _SCANS).is_dir() and is_there(path / _POSES)
+
+
+class ApolloSequence(FolderSequence):
+    """One run; scans are matched to poses by their number."""
+
+    def __init__(self, source: Path):
+        """List the scans of the run in folder `source`."""
+        super().__init__(source, "pcd", _SCANS)
+
+    def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64] | None:
+        try:
+            return self._rows()[:, 1]
+        except InputError:
+            return None  # labels need no poses, and points may have times; asking for the poses raises the error
+
+    @cached_property
+    def reference_poses(self) -> Pose:
+        """(len, 4, 4) T_world_sensor.
+
+        Raises
+        ------
+        InputError
+            A scan without a pose, or with one of another time than that of its points.
+        """
+        rows = self._rows()
+        if self._stamps is not None:
+            off = np.abs(rows[:, 1] - self._stamps)
+            if (off > 1.0).any():
+                first = int(np.argmax(off > 1.0))
+                raise InputError(
+                    f"{self.source / _POSES} has the pose of {self._names[first]}.pcd at {rows[first, 1]:.3f} s, but "
+                    f"its points are of {self._stamps[first]:.3f} s; it belongs to another run"
+                )
+        return sensor_poses(from_quaternions(rows[:, 2:5], rows[:, 5:], self.source / _POSES))
+
+    def _rows(self) -> npt.NDArray[np.float64]:
+        """Return (len, 9) of each scan: number, seconds, x, y, z, qx, qy, qz, qw."""
+        table = read_table(self.source / _POSES, 9, "poses")
+        row_of = {int(number): row for row, number in enumerate(table[:, 0])}
+        missing = next((name for name in self._names if not name.isdecimal() or int(name) not in row_of), None)
+        if missing is not None:
+            raise InputError(f"{self.source / _POSES} has no pose for scan {missing}.pcd; it belongs to another run")
+        return table[[row_of[int(name)] for name in self._names]]
+
+
 FORMATS = {
     "helipr": Format(
         layout="HeLiPR: LiDAR/{Aeva,Avia,Ouster,Velodyne}/*.bin, LiDAR_GT/; each sensor is a recording",
@@ -154,4 +209,9 @@ FORMATS = {
     ),
     "mulran": _format("MulRan: Ouster/*.bin, global_pose.csv", MULRAN),
     "boreas": _format("Boreas: lidar/*.bin, applanix/lidar_poses.csv", BOREAS),
+    "apollo": Format(
+        layout="Apollo SouthBay: pcds/*.pcd, poses/gt_poses.txt",
+        find=partial(recordings_at, is_recording=_is_apollo),
+        open=ApolloSequence,
+    ),
 }

@@ -1,14 +1,26 @@
-"""Poses that came with a recording, given on a clock of their own or as quaternions."""
+"""Poses that came with a recording, on a clock of their own or as quaternions; and where LiDARs of a merged cloud sit.
 
+`mounts.yaml` in a recording's folder names each LiDAR, in the order of their numbers in the points' column `sensor`
+(or `lidar`, `lidar_id`, `sensor_id`), or with the rings, first and last, that are its own:
+
+    - {name: roof, rings: [0, 63], translation: [0, 0, 0]}
+    - {name: rear, rings: [64, 79], translation: [-3.2, 0, -0.4], rotation: [0, 0, 1, 0]}    # x y z w
+    - {name: left, rings: [80, 95], T_scan_sensor: [[...], [...], [...], [0, 0, 0, 1]]}
+"""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
-from automos.core.geometry import FARTHEST, inverse, is_rigid
+from automos.core.geometry import FARTHEST, inverse, is_rigid, with_exact_rotations
 from automos.core.pose_files import MAX_SKEW, interpolate_poses, nearest_gap
-from automos.core.scan import Pose
+from automos.core.reading import is_there, parse_yaml, read_text
+from automos.core.scan import Pose, Scan
 
 _HOLE = 1.0
 """Seconds from the nearest pose beyond which a scan's is not known: in that time a vehicle turns off."""
@@ -100,3 +112,128 @@ def sensor_poses(T_map_body: Pose, T_body_sensor: npt.ArrayLike | None = None) -
     if T_body_sensor is not None:
         T = T @ np.asarray(T_body_sensor, np.float64)
     return inverse(T[0]) @ T
+
+
+FILE = "mounts.yaml"
+_KEYS = {"name", "rings", "translation", "rotation", "T_scan_sensor"}
+
+
+@dataclass(frozen=True, eq=False)
+class Mounts:
+    """The LiDARs of a merged cloud.
+
+    Attributes
+    ----------
+    names : K.
+    T_scan_sensor : (K, 4, 4).
+    rings : (K, 2) the first and last ring of each; None where a column of the points says which LiDAR they are from.
+    """
+
+    names: list[str]
+    T_scan_sensor: Pose
+    rings: npt.NDArray[np.int64] | None = None
+
+    def applied_to(self, scan: Scan, sensor: npt.NDArray | None, where: Path) -> Scan:
+        """Return `scan` with the LiDAR of each point, from its column `sensor` (N,) or from its ring.
+
+        Raises
+        ------
+        InputError
+            Points that say nothing of where they are from, or are of a LiDAR without a mount.
+        """
+        if len(scan) == 0:
+            sensor = np.zeros(0, np.int64)  # a file without points may have no columns either
+        elif self.rings is not None and scan.ring is not None:
+            sensor = np.full(len(scan), len(self.names), np.int64)
+            for k, (first, last) in enumerate(self.rings):
+                sensor[(scan.ring >= first) & (scan.ring <= last)] = k
+        elif sensor is None:
+            what = "rings" if self.rings is not None else "column 'sensor', and its mounts no rings"
+            raise InputError(f"{where} has no {what}: nothing says which of {', '.join(self.names)} measured a point")
+        stray = (sensor < 0) | (sensor >= len(self.names))
+        if stray.any():
+            row = int(np.argmax(stray))
+            raise InputError(f"{where}: point {row} is of none of the mounted LiDARs {', '.join(self.names)}")
+        return replace(scan, sensor=sensor.astype(np.uint8), T_scan_sensor=self.T_scan_sensor)
+
+
+def checked_mount(T: npt.ArrayLike, name: str, where: Path) -> Pose:
+    """Return (4, 4) `T`, its rotation made exact.
+
+    Raises
+    ------
+    InputError
+        `T` is not a rigid transform.
+    """
+    try:
+        T = np.asarray(T, np.float64)
+    except (TypeError, ValueError):
+        T = np.zeros((0, 0))
+    if T.shape != (4, 4) or not is_rigid(T):
+        raise InputError(
+            f"{where}: the mount of {name} is not a rigid transform: give 4 x 4 numbers, rotation and translation in "
+            "metres only, without scale or mirroring"
+        )
+    return with_exact_rotations(T)
+
+
+def read_mounts(folder: Path) -> Mounts | None:
+    """Return the mounts that `mounts.yaml` in `folder` holds, None without one.
+
+    Raises
+    ------
+    InputError
+        A file that cannot be read as mounts, or a mount that is not a rigid transform.
+    """
+    path = folder / FILE
+    if not is_there(path):
+        return None
+    try:
+        entries = parse_yaml(read_text(path))
+    except InputError:
+        raise
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} is not YAML ({error})") from None
+    if not isinstance(entries, list) or not 0 < len(entries) <= 255 or not all(isinstance(e, dict) for e in entries):
+        raise InputError(f"{path} must be a list of LiDARs, each with a name and where it sits; see the documentation")
+    names = [str(entry.get("name", k)) for k, entry in enumerate(entries)]
+    T = np.stack([_transform_of(entry, name, path) for entry, name in zip(entries, names, strict=True)])
+    rings = [entry.get("rings") for entry in entries]
+    if all(ring is None for ring in rings):
+        return Mounts(names, T)
+    return Mounts(names, T, _checked_rings(rings, names, path))
+
+
+def _checked_rings(rings: list[Any], names: list[str], path: Path) -> npt.NDArray[np.int64]:
+    """Return (K, 2) the first and last ring of each LiDAR; InputError where they are none, or one has two LiDARs."""
+    for ring, name in zip(rings, names, strict=True):
+        is_pair = isinstance(ring, list) and len(ring) == 2 and all(r in range(1 << 16) for r in ring)
+        if not is_pair or ring[0] > ring[1]:
+            raise InputError(f"{path}: the rings of {name} must be its first and last, [0, 31], but are {ring!r:.80}")
+    order = sorted(range(len(rings)), key=lambda k: rings[k])
+    for one, next_one in pairwise(order):
+        if rings[next_one][0] <= rings[one][1]:
+            shared = rings[next_one][0]
+            raise InputError(f"{path}: ring {shared} is of both {names[one]} and {names[next_one]}; give it to one")
+    return np.array(rings, np.int64)
+
+
+def _transform_of(entry: dict[str, Any], name: str, path: Path) -> Pose:
+    from scipy.spatial.transform import Rotation
+
+    unknown = set(entry) - _KEYS
+    if unknown:
+        raise InputError(f"{path}: {name} has {min(unknown)!r}, but a mount has {', '.join(sorted(_KEYS))}")
+    if "T_scan_sensor" in entry:
+        return checked_mount(entry["T_scan_sensor"], name, path)
+    T = np.eye(4)
+    try:
+        T[:3, 3] = np.asarray(entry.get("translation", [0.0, 0.0, 0.0]), np.float64).reshape(3)
+        xyzw = np.asarray(entry.get("rotation", [0.0, 0.0, 0.0, 1.0]), np.float64).reshape(4)
+    except (TypeError, ValueError):
+        raise InputError(f"{path}: {name} needs a translation of 3 numbers and a rotation of 4, x y z w") from None
+    if not abs(np.linalg.norm(xyzw) - 1.0) < 0.01:
+        length = np.linalg.norm(xyzw)
+        raise InputError(f"{path}: the mount of {name} is not a rigid transform: its quaternion has norm {length:.3g}")
+    T[:3, :3] = Rotation.from_quat(xyzw).as_matrix()
+    return checked_mount(T, name, path)

@@ -22,10 +22,9 @@ from automos.core.reading import damage_reported, is_there
 from automos.core.scan import Pose, Scan
 from automos.readers.box_truth import DrawnBoxes, DrawnTruth, centers_in_world, checked_boxes, judge_boxes
 from automos.readers.formats import Format, digest_of_files, require_increasing
-from automos.readers.mounts import checked_mount
 from automos.readers.parquet import RowReader, read_columns
 from automos.readers.range_image import place_pixels
-from automos.readers.stamped_poses import rigid_transforms, sensor_poses
+from automos.readers.stamped_poses import checked_mount, rigid_transforms, sensor_poses
 
 _TOP = 1
 _TIME, _LASER, _OBJECT = "key.frame_timestamp_micros", "key.laser_name", "key.laser_object_id"

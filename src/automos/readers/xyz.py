@@ -20,7 +20,7 @@ from automos.readers.column_names import is_time, plain_names
 from automos.readers.columns import Columns, from_matrix
 from automos.readers.record_columns import ENOUGH
 from automos.readers.record_layout import names_of
-from automos.readers.text import parse_table
+from automos.readers.records import parse_table
 
 _DIVIDERS = bytes.maketrans(b",;", b"  ")
 _EMPTY = (b",,", b";;", b", ,", b"; ;", b",\t,", b";\t;", b"\n,", b"\n;")

@@ -1,20 +1,105 @@
-"""Proposals are made once, those that come next ahead of time, and none is older than the last decision."""
+"""What a review makes in the background: proposals ahead of time, none older than the last decision, and pictures.
+
+What a person waits for comes first: what goes on beside it gives way.
+"""
 
 import logging
 import threading
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from automos.core.errors import AutomosError, InputError
+from automos.core.geometry import transform
+from automos.results.run_files import RunFiles
+from automos.results.tracks_file import track_entries
 from automos.review.amendments import Amendment
+from automos.review.apply import amended_entry
 from automos.review.proposals import Proposer
+from automos.review.queue import Queue
 from automos.review.reshaping import OnScan, Way, proposed
-from automos.review.run_stages import Changes, RunStages
+from automos.review.run_stages import Changes, RunStages, number_of
 from automos.review.scenes import scene, subject_of_amendment
-from automos.review.waiting import Waiting
+from automos.views.ground_map import Thumbnails
+
+
+class Waiting:
+    """Entered while somebody waits for an answer, in which nothing that gives way is waited for."""
+
+    def __init__(self) -> None:
+        self._n, self._news = 0, threading.Condition()
+
+    def __enter__(self) -> None:
+        self._add(1)
+
+    def __exit__(self, *error: object) -> None:
+        self._add(-1)
+
+    def _add(self, n: int) -> None:
+        with self._news:
+            self._n += n
+            self._news.notify_all()
+
+    def give_way(self, unless: Callable[[], bool] = lambda: False) -> None:
+        """Return once nobody waits any more, or `unless` is true."""
+        with self._news:
+            self._news.wait_for(lambda: not self._n or unless())
+
+
+MOST = 400
+"""Objects that get a picture, those first in the queue; who goes on that far sees the others when they are open."""
+IN_SIGHT = 12
+"""Rows of the list on a usual screen: for their pictures nobody waits until a long recording was read through."""
+
+
+class Pictures:
+    """Thumbnails by object id: of what was found once its scans were gone through, of what is made by hand at once."""
+
+    def __init__(self, run: RunFiles, stages: RunStages, queue: Queue, waiting: Waiting):
+        """Begin to make them."""
+        self._run, self._stages, self._queue, self._waiting = run, stages, queue, waiting
+        self._found: dict[int, dict[str, Any]] = {}
+        self._is_whole = False
+        self._made: dict[int, dict[str, Any]] = {}
+        self._is_stopped = False
+        threading.Thread(target=self._make, daemon=True).start()
+
+    def to_page(self, amendments: Iterable[Amendment]) -> dict[str, Any]:
+        """Return the pictures by object id, those of objects made by hand too, and whether that is all."""
+        for amendment in amendments:
+            if number_of(self._stages, amendment) + 1 not in self._made:
+                thumbnails = Thumbnails([amended_entry(self._stages, amendment)])
+                for index in thumbnails.scans:
+                    thumbnails.add(index, self._stages.frame(index).points_level)
+                self._made |= thumbnails.to_page()
+        return {"ready": self._is_whole, "pictures": self._found | self._made}
+
+    def stop(self) -> None:
+        """Make no more."""
+        self._is_stopped = True
+
+    def _make(self) -> None:
+        with suppress(AutomosError):  # a list without pictures is a list
+            wanted = [item["id"] for item in self._queue.to_page(Changes())["items"] if "id" in item][:MOST]
+            for ids in (wanted[:IN_SIGHT], wanted[IN_SIGHT:]):
+                found = self._stages.tracks, self._stages.verdicts, self._stages.trajectory
+                self._add(list(track_entries(*found, [track - 1 for track in ids])))
+        self._is_whole = True
+
+    def _add(self, entries: list[dict[str, Any]]) -> None:
+        thumbnails = Thumbnails(entries)
+        for index in sorted(thumbnails.scans):
+            self._waiting.give_way()
+            if self._is_stopped:
+                return
+            scan = self._run.scan(index)
+            points = transform(self._run.T_level_sensor(index), self._run.points_at_pose(scan, index))
+            thumbnails.add(index, points[scan.is_valid])
+        self._found = self._found | thumbnails.to_page()
+
 
 _log = logging.getLogger(__name__)
 
@@ -65,9 +150,9 @@ class _Proposal:
 
 def _is_same(one: Amendment, other: Amendment) -> bool:
     """Return whether two proposals of one way have the same points."""
-    if one.parts.keys() != other.parts.keys():
-        return False
-    return all(np.array_equal(part.rows, other.parts[name].rows) for name, part in one.parts.items())
+    return one.parts.keys() == other.parts.keys() and all(
+        np.array_equal(part.rows, other.parts[name].rows) for name, part in one.parts.items()
+    )
 
 
 class Proposals:

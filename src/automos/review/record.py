@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from automos.core.errors import InputError
 from automos.results.run_files import RunFiles
+from automos.review.ahead import Waiting
 from automos.review.amendments import Amendment, append_amendments, append_verdicts, new_keys
 from automos.review.apply import note_applied, read_changes
 from automos.review.concerns import note_concerns
@@ -14,7 +15,6 @@ from automos.review.decisions import CHOICES, Decision, append_decisions, cover_
 from automos.review.log import now
 from automos.review.queue import Queue
 from automos.review.run_stages import RunStages, number_of, scans_of
-from automos.review.waiting import Waiting
 from automos.review.writer import Gain, Writer
 
 

@@ -11,19 +11,17 @@ from automos.core.errors import InputError
 from automos.core.workspace import Workspace
 from automos.results.run_files import RunFiles
 from automos.results.run_warnings import general_sentences
-from automos.review.ahead import GivenUpError, Proposals, What
+from automos.review.ahead import GivenUpError, Pictures, Proposals, Waiting, What
 from automos.review.amendments import Amendment
 from automos.review.apply import is_applied, reapply
 from automos.review.log import now
 from automos.review.looking import open_sample
-from automos.review.pictures import Pictures
 from automos.review.proposals import Proposer
 from automos.review.queue import Queue
 from automos.review.record import Record
 from automos.review.reshaping import as_amendment, cut, join, split
 from automos.review.run_stages import Changes, RunStages
 from automos.review.scenes import Subject, place, scene, subject_of_amendment, subject_of_track
-from automos.review.waiting import Waiting
 
 AHEAD = 3
 """Places made ahead: with those a person has for each the time that she looks at three others."""

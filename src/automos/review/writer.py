@@ -10,12 +10,12 @@ from automos.core.errors import AutomosError, InputError
 from automos.core.label_files import read_labels
 from automos.evaluation.moving import Counts, count
 from automos.results.run_files import RunFiles
+from automos.review.ahead import Waiting
 from automos.review.amendments import Amendment
 from automos.review.apply import rewrite_run, rewrite_scan
 from automos.review.decisions import Decision
 from automos.review.run_stages import Changes, RunStages
 from automos.review.sample import note_quality
-from automos.review.waiting import Waiting
 from automos.views.report import write_report
 
 

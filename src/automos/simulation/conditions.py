@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.simulation.rigs import RIGS
-from automos.simulation.sensing.disturbances import WEATHER
+from automos.simulation.sensing.returns import WEATHER
 
 MOUNTS = np.array(
     [

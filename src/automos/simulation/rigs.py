@@ -11,12 +11,11 @@ from functools import lru_cache
 import numpy as np
 
 from automos.core.geometry import Array
-from automos.simulation.ego import EgoMotion, ego_body
 from automos.simulation.shapes.materials import Material
 from automos.simulation.shapes.mesh import Mesh, box, join, rod
 from automos.simulation.shapes.people import make_walker
 from automos.simulation.traffic.driving import DT
-from automos.simulation.traffic.motion import Motion, transforms
+from automos.simulation.traffic.motion import EgoMotion, Motion, ego_body, transforms
 from automos.simulation.world import World
 
 WALK = 1.4

@@ -16,8 +16,7 @@ from automos.simulation.conditions import Conditions
 from automos.simulation.rigs import ride_on, rigs
 from automos.simulation.scenarios import build_world
 from automos.simulation.sensing.cast import Caster
-from automos.simulation.sensing.disturbances import add_dust, add_rain, bleed
-from automos.simulation.sensing.returns import Cast, compensate, measure, read_out
+from automos.simulation.sensing.returns import Cast, add_dust, add_rain, bleed, compensate, measure, read_out
 from automos.simulation.sensing.scene import AIR, EGO, Hits
 from automos.simulation.sensing.sensors import SENSORS, Pattern, Sensor
 from automos.simulation.traffic.motion import transforms

@@ -11,14 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.geometry import Array
-from automos.simulation.ego import EgoMotion, ride
 from automos.simulation.shapes.mesh import Mesh, join
 from automos.simulation.shapes.things import Thing
 from automos.simulation.shapes.vehicles import make_car
 from automos.simulation.terrain import Road, Terrain, make_hills
 from automos.simulation.traffic.agents import Agent, Signal
 from automos.simulation.traffic.driving import drive_unharmed
-from automos.simulation.traffic.motion import Motion, follow, transforms
+from automos.simulation.traffic.motion import EgoMotion, Motion, follow, ride, transforms
 from automos.simulation.traffic.paths import Path
 
 

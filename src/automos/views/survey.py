@@ -15,8 +15,7 @@ from automos.evaluation.objects import FOUND, movers_of
 from automos.evaluation.overlaps import Overlaps, count_overlaps
 from automos.results.run_files import RunFiles
 from automos.views.caveats import caveats, trust_in
-from automos.views.ground_map import GroundMap
-from automos.views.thumbnails import Thumbnails
+from automos.views.ground_map import GroundMap, Thumbnails
 from automos.views.topdown import verdicts
 
 MAX_THUMBNAILS = 900

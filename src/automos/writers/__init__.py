@@ -20,15 +20,17 @@ if TYPE_CHECKING:
     from automos.results.run_files import RunFiles
     from automos.writers.formats import Export
 
-_FAMILIES = {
-    "scan_files": ("panoptic", "instances", "pcd", "ply", "laz", "parquet", "mcap"),
+_MODULES = {
+    "semantickitti": ("semantickitti",),
+    "scan_files": ("panoptic", "instances", "pcd", "ply", "laz", "parquet", "mcap", "dynamicmap"),
     "box_files": ("kitti_tracking", "nuscenes", "openlabel"),
     "nuscenes_tables": ("nuscenes-tables", "t4"),
     "detector_sets": ("openpcdet", "mmdet3d"),
-    "annotation_tools": ("cvat", "supervisely", "sustech"),
+    "annotation_tools": ("cvat", "segments", "supervisely", "sustech"),
+    "reconstruction": ("ncore", "drivestudio"),
     "flow": ("flow-av2", "opensceneflow"),
 }
-"""Modules that write several formats; others write one, of their name. They declare `EXPORTS`, others `EXPORT`."""
+"""The formats of each module, which declares them as `EXPORTS`."""
 EXPORTS: tuple[str, ...] = (
     "semantickitti", "panoptic", "instances", "pcd", "ply", "laz", "parquet", "mcap",
     "kitti_tracking", "nuscenes", "nuscenes-tables", "t4", "openpcdet", "mmdet3d", "openlabel",
@@ -49,9 +51,8 @@ def load_export(name: str) -> Export:
     if name not in EXPORTS:
         near = difflib.get_close_matches(name.lower(), EXPORTS, n=1, cutoff=0.0)
         raise InputError(f"unknown format {name!r}; did you mean {near[0]!r}? Known are: {', '.join(EXPORTS)}")
-    family = next((module for module, formats in _FAMILIES.items() if name in formats), None)
-    module = importlib.import_module(f"automos.writers.{family or name}")
-    declared: Export = module.EXPORTS[name] if family else module.EXPORT
+    module = next(module for module, formats in _MODULES.items() if name in formats)
+    declared: Export = importlib.import_module(f"automos.writers.{module}").EXPORTS[name]
     return declared
 
 

@@ -4,6 +4,8 @@ SUSTechPOINTS: the folder is put into its data folder. Supervisely: a project of
 made of the files in point_clouds/default; its annotations, in the 3D format of Datumaro, are uploaded from
 annotations.zip as "Datumaro 3D 1.0". The tracklets of KITTI, which CVAT takes as well, are not written: CVAT reads
 their width, height and length as x, y and z, so that a file right for KITTI is wrong there.
+Segments.ai: the sample and its cuboid and segmentation labels, as its Python SDK uploads them; points are in the sensor
+frame, its motion during a sweep taken out, and `ego_pose` places each scan in a world with z up, as the cuboids.
 """
 
 import hashlib
@@ -17,10 +19,12 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.atomic import atomic_path, write_text
+from automos.core.geometry import quaternion_of
+from automos.core.labels import Label
+from automos.core.scan import Mask
 from automos.results.run_files import RunFiles
 from automos.results.tracks_file import VERDICTS
-from automos.writers.formats import Export, make_folders
-from automos.writers.point_columns import seen_columns, write_pcd
+from automos.writers.formats import Export, make_folders, seen_columns, write_pcd
 
 
 def _each_cloud(run: RunFiles, folder: Path, what: str) -> Iterator[tuple[int, str]]:
@@ -156,11 +160,85 @@ def _item(run: RunFiles, index: int, name: str) -> dict[str, Any]:
     }
 
 
+CATEGORIES = {verdict: number for number, verdict in enumerate(VERDICTS, start=1)}
+"""Ids of the categories to be made in the dataset."""
+
+
+def _write_segments(run: RunFiles, out: Path) -> None:
+    """Write pointclouds/*.pcd, sample.json, cuboids.json, segmentation.json and categories.json into `out`.
+
+    The `url` of each cloud in sample.json is its path below `out`; upload the clouds and put their addresses there. In
+    segmentation.json static points are object 1, unlabeled ones 0, and each moving object has an id of its own.
+    """
+    make_folders(out, "pointclouds")
+    samples, cuboids, loose = [], [], max(run.tracks, default=0) + 2
+    # Scan by scan: a number for every point of an hour is more than memory holds.
+    with atomic_path(out / "segmentation.json") as temporary, temporary.open("w", encoding="utf-8") as segmentation:
+        segmentation.write('{"format_version": "0.2", "frames": [')
+        for index in run.each("writing sample"):
+            name, scan = run.names[index], run.scan(index)
+            columns, is_finite = seen_columns(scan, run.points_at_pose(scan, index))
+            write_pcd(out / "pointclouds" / f"{name}.pcd", columns)
+            timestamp, T = round(1e9 * run.stamps[index]), run.T_level_sensor(index)
+            heading = {f"q{part}": round(float(value), 9) for part, value in zip("xyzw", quaternion_of(T), strict=True)}
+            samples.append(
+                {
+                    "name": name,
+                    "timestamp": timestamp,
+                    "pcd": {"url": f"pointclouds/{name}.pcd", "type": "pcd"},
+                    "ego_pose": {"position": xyz(T[:3, 3]), "heading": heading},
+                }
+            )
+            cuboids.append({"format_version": "0.2", "timestamp": timestamp, "annotations": _cuboids(run, index)})
+            segmentation.write((", " if index else "") + json.dumps(_segmentation(run, index, is_finite, loose)))
+        segmentation.write("]}")
+    write_text(out / "sample.json", json.dumps({"frames": samples}))
+    write_text(out / "cuboids.json", json.dumps({"format_version": "0.2", "frames": cuboids}))
+    categories = [{"id": number, "name": verdict, "has_instances": True} for verdict, number in CATEGORIES.items()]
+    write_text(out / "categories.json", json.dumps({"format_version": "0.1", "categories": categories}, indent=1))
+
+
+def _cuboids(run: RunFiles, index: int) -> list[dict[str, Any]]:
+    return [
+        {
+            "id": box.id,
+            "category_id": CATEGORIES[box.verdict],
+            "type": "cuboid",
+            "position": xyz(box.center),
+            "dimensions": xyz(box.size),
+            "yaw": round(box.yaw, 6),
+            "is_keyframe": True,
+            "track_id": box.id,
+            "index": index,
+        }
+        for box in run.boxes_level(index)
+    ]
+
+
+def _segmentation(run: RunFiles, index: int, is_finite: Mask, loose: int) -> dict[str, Any]:
+    """Return one frame of the points that are written, `is_finite` (N,).
+
+    Object 1 is all that is static, the moving track k is k + 1, and what moves on no track is `loose`.
+    """
+    label, instance = (of(index, len(is_finite))[is_finite] for of in (run.labels, run.instances))
+    objects = np.select([label == Label.MOVING, label == Label.STATIC], [instance + 1, 1], 0)
+    objects[(label == Label.MOVING) & (instance == 0)] = loose
+    found = [int(number) for number in np.unique(objects) if number > 0]
+    annotations = [
+        {"id": number, "category_id": CATEGORIES["static" if number == 1 else "moving"], "track_id": number}
+        for number in found
+    ]
+    return {"format_version": "0.2", "annotations": annotations, "point_annotations": objects.tolist()}
+
+
 EXPORTS = {
     "cvat": Export(
         writes="CVAT task: point_clouds/, annotations.zip (Datumaro 3D)",
         write=_write_cvat,
         per_scan=("point_clouds/default/*.pcd",),
+    ),
+    "segments": Export(
+        writes="Segments.ai sample, cuboids and segmentation", write=_write_segments, per_scan=("pointclouds/*.pcd",)
     ),
     "supervisely": Export(writes="Supervisely project of point cloud episodes", write=_write_supervisely),
     "sustech": Export(

@@ -11,8 +11,7 @@ from typing import Any
 
 from automos.core.atomic import atomic_path, write_npy, write_raw, write_text
 from automos.results.run_files import RunFiles
-from automos.writers.formats import Export, make_folders
-from automos.writers.point_columns import upright_points
+from automos.writers.formats import Export, make_folders, upright_points
 
 CLASSES = ("Vehicle", "Pedestrian", "Cyclist")
 CLASS_OF_KIND = (0, 0, 2, 1, 0)

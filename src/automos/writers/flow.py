@@ -28,8 +28,7 @@ from automos.core.scan import Pose, Sequence
 from automos.evaluation.flow import DYNAMIC, FlowCounts, evaluate_flow
 from automos.readers.formats import import_extra
 from automos.results.run_files import RunFiles
-from automos.writers.formats import Export
-from automos.writers.point_columns import intensity_of
+from automos.writers.formats import Export, intensity_of
 
 Motion = npt.NDArray[np.float32]
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from automos.readers.formats import import_extra
 from automos.results.run_files import RunFiles
-from automos.writers.point_columns import point_columns
+from automos.writers.formats import point_columns
 
 STEP = 1e-4
 """Metres: the grid of the coordinates."""

@@ -18,8 +18,7 @@ from automos.core.geometry import quaternion_of
 from automos.core.labels import Label
 from automos.core.scan import Pose
 from automos.results.run_files import RunFiles
-from automos.writers.formats import Export, make_folders
-from automos.writers.point_columns import intensity_of
+from automos.writers.formats import Export, intensity_of, make_folders
 
 _CATEGORIES = (
     "noise", "static.other",

@@ -3,6 +3,10 @@
 Clouds in an MCAP file are ROS 2 messages, which players and viewers open; as in drivers, time is called `t`, in
 nanoseconds after the first point. A Parquet table has a row group per scan; what a scan has not, and others may have,
 is null.
+
+For map cleaning (DynamicMap_Benchmark, dufomap), clouds are in the world's frame, that of the first scan. VIEWPOINT in
+a file's header is the sensor's pose, which dufomap takes as the origin of the rays. Intensity says what moves: 1, else
+0.
 """
 
 import io
@@ -12,18 +16,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from automos.core.atomic import atomic_path, faults_reported, write_bytes
 from automos.core.claims import SIGN
 from automos.core.errors import InputError
-from automos.core.labels import pack
+from automos.core.geometry import inverse, transform
+from automos.core.labels import Label, pack
 from automos.readers.columns import Columns
 from automos.readers.formats import import_extra
 from automos.readers.point_cloud2 import cloud_message, packed_rows
 from automos.results.run_files import RunFiles
-from automos.writers.formats import Export
+from automos.writers.formats import Export, make_folders, pcd_bytes, pcd_header, ply_header, point_columns, write_pcd
 from automos.writers.laz import laz_packer
-from automos.writers.point_columns import pcd_bytes, ply_header, point_columns
 
 Packer = Callable[[RunFiles], Callable[[int], bytes]]
 """Takes a run and returns what packs its scans, by their numbers."""
@@ -130,6 +135,31 @@ def _write_parquet(run: RunFiles, out: Path) -> None:
                 writer.write_table(arrow.table(filled, schema), row_group_size=max(n_points, 1))
 
 
+def _write_dynamicmap(run: RunFiles, out: Path) -> None:
+    """Write `out / pcd / 000000.pcd`, ..., and `out / gt_cloud.pcd`, all of them one after the other."""
+    make_folders(out, "pcd")
+    T_first_sensor = inverse(run.T_world_sensor[0]) @ run.T_world_sensor
+    n_points = 0
+    with tempfile.TemporaryFile(dir=out) as together:
+        for index in run.each("writing .pcd"):
+            columns = _in_world(run, index, T_first_sensor[index])
+            write_pcd(out / "pcd" / f"{index:06d}.pcd", columns, T_first_sensor[index])
+            together.write(np.column_stack(list(columns.values())).astype("<f4").tobytes())
+            n_points += len(columns["x"])
+        together.seek(0)
+        with atomic_path(out / "gt_cloud.pcd") as temporary, temporary.open("wb") as file:
+            file.write(pcd_header({name: np.dtype("<f4") for name in columns}, n_points))
+            while part := together.read(1 << 24):
+                file.write(part)
+
+
+def _in_world(run: RunFiles, index: int, T_first_sensor: npt.NDArray[np.float64]) -> dict[str, npt.NDArray]:
+    scan = run.scan(index)
+    points = transform(T_first_sensor, run.points_at_pose(scan, index)[scan.is_valid]).astype(np.float32)
+    is_moving = run.labels(index, len(scan))[scan.is_valid] == Label.MOVING
+    return {"x": points[:, 0], "y": points[:, 1], "z": points[:, 2], "intensity": is_moving.astype(np.float32)}
+
+
 EXPORTS = {
     "panoptic": _export(".label", "class below, track id in the upper 16 bits", _panoptic),
     "instances": _export(".npy", "track id of every point, 0 for none", _instances),
@@ -152,5 +182,9 @@ EXPORTS = {
         modules=("rosbags",),
         suffix=".mcap",
         sign=TOPIC.encode(),
+    ),
+    "dynamicmap": Export(
+        writes="pcd/*.pcd in the world's frame with VIEWPOINT, gt_cloud.pcd: DynamicMap_Benchmark, dufomap",
+        write=_write_dynamicmap,
     ),
 }

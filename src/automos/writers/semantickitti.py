@@ -71,6 +71,8 @@ def _copy_others(old: Path, archive: zipfile.ZipFile, without: str) -> None:
         raise InputError(f"{old} is not a zip file that can be read; remove it or choose another --out") from None
 
 
-EXPORT = Export(
-    writes="zip for the benchmark: sequences/SS/predictions/*.label", write=write, suffix=".zip", name_of=_number_of
-)
+EXPORTS = {
+    "semantickitti": Export(
+        writes="zip for the benchmark: sequences/SS/predictions/*.label", write=write, suffix=".zip", name_of=_number_of
+    ),
+}

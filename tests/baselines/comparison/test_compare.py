@@ -19,8 +19,8 @@ from automos.baselines.comparison import runs as runs_module
 from automos.baselines.comparison.agreement import Agreement, measure_agreement
 from automos.baselines.comparison.compare import Comparison, compare, write_comparison
 from automos.baselines.comparison.cost import Cost, Effort
-from automos.baselines.comparison.labelers import TITLES, choose_methods
 from automos.baselines.comparison.runs import MethodRuns
+from automos.baselines.methods import TITLES, choose_methods
 from automos.cli import app
 from automos.core.atomic import held
 from automos.core.errors import InputError

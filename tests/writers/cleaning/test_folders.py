@@ -10,7 +10,7 @@ from street_log import street_log
 from automos.core.errors import InputError
 from automos.readers import open_sequence
 from automos.writers.cleaning.clean import Choice, clean
-from automos.writers.point_columns import write_pcd
+from automos.writers.formats import write_pcd
 
 
 @pytest.fixture

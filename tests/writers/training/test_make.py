@@ -16,7 +16,7 @@ from automos.odometry.sweep_timing import SweepTiming
 from automos.results.run_files import RunFiles
 from automos.writers.training.make import make_training_set
 from automos.writers.training.members import members_of
-from automos.writers.training.range_images import ImageSensor
+from automos.writers.training.scans import ImageSensor
 from automos.writers.training.sequence import Extras
 
 KEPT = [0, 2]
@@ -194,7 +194,7 @@ def test_recordings_of_one_name_are_kept_apart(run, tmp_path):
 
 def test_like_sensors_share_an_image_that_holds_the_rays_of_both(run):
     from automos.writers.training.members import _with_joined_sensors, members_of
-    from automos.writers.training.range_images import ImageSensor
+    from automos.writers.training.scans import ImageSensor
 
     (member,) = members_of([run], {})
     sensors = [ImageSensor(64, 3, -25), ImageSensor(64, 2, -26), ImageSensor(32, 10, -30)]

@@ -3,7 +3,7 @@
 import numpy as np
 
 from automos.core.geometry import make_transform
-from automos.writers.training.range_images import WIDTH, ImageSensor, image_statistics, measure_sensor, residual_image
+from automos.writers.training.scans import WIDTH, ImageSensor, image_statistics, measure_sensor, residual_image
 
 SENSOR = ImageSensor(64, 3, -25)
 

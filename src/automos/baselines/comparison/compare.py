@@ -16,9 +16,9 @@ import numpy.typing as npt
 
 from automos.baselines.comparison.agreement import Agreement, measure_agreement
 from automos.baselines.comparison.cost import Cost
-from automos.baselines.comparison.labelers import TITLES, choose_methods
 from automos.baselines.comparison.panel import choose_scan, draw_panel
 from automos.baselines.comparison.runs import MethodRuns, is_moving
+from automos.baselines.methods import TITLES, choose_methods
 from automos.core.atomic import write_text
 from automos.core.errors import InputError, MissingExtraError
 from automos.evaluation.moving import Counts, Scores, count

@@ -19,8 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.baselines.comparison.cost import Cost, Effort, read_cost
-from automos.baselines.comparison.labelers import NEEDS_FUTURE, TITLES, label_scans
-from automos.baselines.methods import published
+from automos.baselines.methods import NEEDS_FUTURE, TITLES, label_scans, published
 from automos.core.atomic import write_raw, write_text
 from automos.core.claims import METHODS, SCRATCH, claim, remove
 from automos.core.errors import InputError

@@ -8,12 +8,10 @@ import numpy as np
 from automos.simulation.scenarios.campus import campus
 from automos.simulation.scenarios.canyon import avenue, canyon
 from automos.simulation.scenarios.city import city
-from automos.simulation.scenarios.country import country
-from automos.simulation.scenarios.hills import hills
+from automos.simulation.scenarios.country import country, hills
+from automos.simulation.scenarios.crowded import narrow, scooters
 from automos.simulation.scenarios.junction import junction, kerbside, lights, outing, waiting
 from automos.simulation.scenarios.motorway import motorway, slowdown
-from automos.simulation.scenarios.narrow import narrow
-from automos.simulation.scenarios.scooters import scooters
 from automos.simulation.world import World
 
 _BUILDERS = (

@@ -23,8 +23,7 @@ from automos.results.claiming import refuse_folder_of
 from automos.results.run_files import RunFiles
 from automos.writers.training import trainer_files
 from automos.writers.training.members import Member, members_of
-from automos.writers.training.range_images import ImageSensor, image_statistics
-from automos.writers.training.scans import IDS, spread
+from automos.writers.training.scans import IDS, ImageSensor, image_statistics, spread
 from automos.writers.training.sequence import Extras, Written, write_sequence
 from automos.writers.training.trainer_files import SPLITS
 

@@ -9,8 +9,7 @@ from automos.core.beam_pattern import learn_pattern
 from automos.core.errors import InputError
 from automos.core.workspace import Workspace
 from automos.results.run_files import RunFiles
-from automos.writers.training.range_images import ImageSensor, measure_sensor
-from automos.writers.training.scans import full_scale_of, spread
+from automos.writers.training.scans import ImageSensor, full_scale_of, measure_sensor, spread
 from automos.writers.training.trainer_files import SPLITS
 
 FIRST_NUMBER = 50

@@ -15,8 +15,7 @@ from automos.core.scan import Points, Pose
 from automos.objects.verdict import Verdict
 from automos.writers.formats import make_folders
 from automos.writers.training.members import Member
-from automos.writers.training.range_images import WIDTH, residual_image
-from automos.writers.training.scans import TrainingScan, training_scan
+from automos.writers.training.scans import WIDTH, TrainingScan, residual_image, training_scan
 
 _IDENTITY = "1 0 0 0 0 1 0 0 0 0 1 0"
 _INSMOS_CLASSES = (1, 6, 9, 8, 1)

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import yaml
 
-from automos.writers.training.range_images import WIDTH, ImageSensor
+from automos.writers.training.scans import WIDTH, ImageSensor
 
 SPLITS = ("train", "valid", "test")
 _MOVABLE = {
