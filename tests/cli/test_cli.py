@@ -635,7 +635,7 @@ main()
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
-@pytest.mark.parametrize("module", ["typer", "automos.cli.compare", "automos.writers.listing", "numba"])
+@pytest.mark.parametrize("module", ["typer", "automos.cli.compare", "automos.readers.codecs", "numba"])
 def test_ctrl_c_while_the_program_is_imported_prints_no_traceback(module):
     ended = subprocess.run(
         [sys.executable, "-c", INTERRUPTED, module, "formats"], capture_output=True, text=True, check=False

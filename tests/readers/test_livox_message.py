@@ -73,7 +73,7 @@ def test_a_message_that_is_cut_short_is_told():
 def test_points_are_cut_out_of_a_message_and_counted_anew(tmp_path, file, frame):
     from rosbags.highlevel import AnyReader
 
-    from automos.readers.message_rows import with_rows
+    from automos.readers.bag_messages import with_rows
 
     write_livox(tmp_path / file, "livox_ros_driver2", street_log(), frame)
     is_ros2 = file.endswith("mcap")

@@ -13,7 +13,6 @@ from rich.text import Text
 
 from automos.cli.compare import compare_app
 from automos.cli.formats import formats_app
-from automos.cli.hand_on import hand_on_app
 from automos.cli.label import label_app
 from automos.cli.live import live_app
 from automos.cli.look import look_app
@@ -38,7 +37,6 @@ for group in (
     label_app,
     score_app,
     formats_app,
-    hand_on_app,
     look_app,
     compare_app,
     network_app,

@@ -6,20 +6,17 @@ from typing import Annotated
 
 import typer
 
-from automos.cli.options import Format, console, output
+from automos.cli.options import Format, Moved, console, output
 
 look_app = typer.Typer()
 
-Results = Annotated[Path, typer.Argument(metavar="RUN", help="a results folder of automos label")]
-Recording = Annotated[
-    Path | None, typer.Argument(help="the recording, if it is no longer where it was when it was labelled")
-]
+Run = Annotated[Path, typer.Argument(metavar="RUN", help="a results folder of automos label")]
 
 
 @look_app.command()
 def report(
-    results: Results,
-    recording: Recording = None,
+    results: Run,
+    recording: Moved = None,
     out: Annotated[Path | None, typer.Option(help="HTML file to write; default: RUN/report.html")] = None,
     format: Format = None,
 ) -> None:
@@ -36,8 +33,8 @@ def report(
 
 @look_app.command()
 def review(
-    results: Results,
-    recording: Recording = None,
+    results: Run,
+    recording: Moved = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="port on 127.0.0.1; 0: any free one")] = 0,
     browser: Annotated[bool, typer.Option(help="open the page in a browser")] = True,
     sample: Annotated[
@@ -81,8 +78,8 @@ def review(
 
 @look_app.command()
 def view(
-    results: Results,
-    recording: Recording = None,
+    results: Run,
+    recording: Moved = None,
     rrd: Annotated[Path | None, typer.Option(help="write a file for the viewer instead of opening it")] = None,
     web: Annotated[bool, typer.Option("--web", help="show it in a browser, served on 127.0.0.1")] = False,
     port: Annotated[int, typer.Option(min=0, max=65535, help="port of --web; 0: any free one")] = 0,

@@ -62,6 +62,10 @@ Recording = Annotated[Path, typer.Argument(help="a folder of scans, a data set, 
 Recordings = Annotated[
     str, typer.Argument(help="a recording (see automos formats), a folder of them, a list (.txt), or a URL")
 ]
+Results = Annotated[Path, typer.Argument(help="a results folder of automos label")]
+Moved = Annotated[
+    Path | None, typer.Argument(help="the recording, if it is no longer where it was when it was labelled")
+]
 Format = Annotated[
     str | None,
     typer.Option(

@@ -23,9 +23,8 @@ if TYPE_CHECKING:
 _MODULES = {
     "semantickitti": ("semantickitti",),
     "scan_files": ("panoptic", "instances", "pcd", "ply", "laz", "parquet", "mcap", "dynamicmap"),
-    "box_files": ("kitti_tracking", "nuscenes", "openlabel"),
+    "box_files": ("kitti_tracking", "nuscenes", "openlabel", "openpcdet", "mmdet3d"),
     "nuscenes_tables": ("nuscenes-tables", "t4"),
-    "detector_sets": ("openpcdet", "mmdet3d"),
     "annotation_tools": ("cvat", "segments", "supervisely", "sustech"),
     "reconstruction": ("ncore", "drivestudio"),
     "flow": ("flow-av2", "opensceneflow"),

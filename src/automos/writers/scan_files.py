@@ -27,8 +27,16 @@ from automos.readers.columns import Columns
 from automos.readers.formats import import_extra
 from automos.readers.point_cloud2 import cloud_message, packed_rows
 from automos.results.run_files import RunFiles
-from automos.writers.formats import Export, make_folders, pcd_bytes, pcd_header, ply_header, point_columns, write_pcd
-from automos.writers.laz import laz_packer
+from automos.writers.formats import (
+    Export,
+    laz_packer,
+    make_folders,
+    pcd_bytes,
+    pcd_header,
+    ply_header,
+    point_columns,
+    write_pcd,
+)
 
 Packer = Callable[[RunFiles], Callable[[int], bytes]]
 """Takes a run and returns what packs its scans, by their numbers."""

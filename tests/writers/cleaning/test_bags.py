@@ -7,7 +7,7 @@ from labelled import labelled, moving
 from street_log import street_log
 
 from automos.core.errors import InputError
-from automos.readers.message_rows import with_rows
+from automos.readers.bag_messages import with_rows
 from automos.readers.point_cloud2 import read_columns
 from automos.writers.cleaning.clean import Choice, clean
 

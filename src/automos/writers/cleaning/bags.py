@@ -19,9 +19,8 @@ from automos.core.errors import AutomosError, InputError
 from automos.readers.bag_chunks import IN_FILE, ZSTD
 from automos.readers.bag_file import BagFile
 from automos.readers.bag_kinds import McapFile, Ros1File, SqliteFile
-from automos.readers.bag_messages import PACKETS
+from automos.readers.bag_messages import PACKETS, TYPES
 from automos.readers.formats import import_extra
-from automos.readers.message_rows import TYPES
 from automos.readers.rosbag_topic import RosbagSequence
 
 Cut = Callable[[int, bytes], bytes]

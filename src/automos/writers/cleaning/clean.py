@@ -24,10 +24,10 @@ from automos.core.own_folder import own_folder
 from automos.core.reading import read_array, read_bytes
 from automos.core.scan import Scan, Sequence
 from automos.core.workspace import Workspace
+from automos.readers.bag_messages import with_rows
 from automos.readers.codecs import parse_columns
 from automos.readers.folder import FolderSequence
 from automos.readers.formats import import_extra
-from automos.readers.message_rows import with_rows
 from automos.readers.npy import as_rows
 from automos.readers.pcd import read, read_header
 from automos.readers.rosbag_topic import RosbagSequence

@@ -14,8 +14,7 @@ import numpy.typing as npt
 from automos.core.atomic import atomic_path
 from automos.core.errors import InputError
 from automos.readers.formats import import_extra
-from automos.writers.formats import pcd_header, ply_header
-from automos.writers.laz import REACH, STEP
+from automos.writers.formats import REACH, STEP, pcd_header, ply_header
 
 _HEIGHTS = (-1.0, 4.0)
 """Metres above the ground under the first scan between which colours differ."""
