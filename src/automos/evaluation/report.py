@@ -67,12 +67,12 @@ class Report:
         """Return all scores as plain numbers; ratios in [0, 1], None if undefined."""
         return {
             **_counts_dict(self.counts),
-            "objects": _plain(self.objects),
+            "objects": without_nan(self.objects),
             "recordings": {
                 name: {
                     **_counts_dict(result.counts),
                     "objects": _movers_dict(result.movers),
-                    "of_objects": _plain(_objects([result.overlaps])),
+                    "of_objects": without_nan(_objects([result.overlaps])),
                 }
                 for name, result in self.recordings.items()
             },
@@ -210,11 +210,13 @@ def _objects(recordings: list[Overlaps]) -> dict[str, Any] | None:
     return scores_of_objects(overlaps) if is_told else None
 
 
-def _plain(value: Any) -> Any:
-    """Return nested `value` with None for what is not a number."""
+def without_nan(value: Any) -> Any:
+    """Return `value` with None in place of numbers that JSON has not."""
     if isinstance(value, dict):
-        return {key: _plain(inner) for key, inner in value.items()}
-    return None if isinstance(value, float) and math.isnan(value) else value
+        return {key: without_nan(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [without_nan(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _movers_dict(movers: Movers) -> list[dict[str, Any]]:

@@ -42,7 +42,7 @@ class Cache:
         StoreError : the store did not answer.
         """
         store = Store(url)
-        entries = _entries(store)
+        entries = store.some_entries()
         key, size = key_of(f"{store.url}\n{_stamp(entries)}"), sum(entry.size for entry in entries)
         if size > self._limit:
             raise InputError(
@@ -111,13 +111,6 @@ def _take(lock: IO[str], wait: bool = True, alone: bool = True) -> bool:
     except BlockingIOError:
         return False
     return True
-
-
-def _entries(store: Store) -> list[Entry]:
-    entries = store.entries()
-    if not entries:
-        raise InputError(f"{shown(store.url)} holds nothing; check the address")
-    return entries
 
 
 def _stamp(entries: list[Entry]) -> str:

@@ -153,12 +153,8 @@ def _in_list(path: Path, format: str | None) -> list[str]:
 
 def _in_store(url: str) -> list[str]:
     """Return the URLs of the recordings below `url`: logs, and folders of scans; `url` itself where none is seen."""
-    store = Store(url)
-    entries = store.entries()
-    if not entries:
-        raise InputError(f"{shown(url)} holds nothing; check the address")
     found: dict[str, None] = {}
-    for entry in entries:
+    for entry in Store(url).some_entries():
         path = PurePosixPath(entry.path)
         folders = path.parts[:-1]
         suffix = path.suffix.lower()

@@ -11,7 +11,9 @@ import logging
 import re
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any, TypeVar
 
 from automos.core.errors import AutomosError, InputError, MissingExtraError
@@ -73,13 +75,16 @@ class Store:
 
     def entries(self) -> list[Entry]:
         """Return all files below, in order of their paths; one with an empty path where the URL is a file's."""
-        found = patiently(self._find, f"listing {shown(self.url)}")
-        root = self.root.rstrip("/")
-        entries = [
-            Entry(path[len(root) :].lstrip("/"), int(info.get("size") or 0), _version(info))
-            for path, info in found.items()
+        found = self.details().items()
+        return [
+            Entry(path, int(info.get("size") or 0), _version(info)) for path, info in sorted(found, key=itemgetter(0))
         ]
-        return sorted(entries, key=lambda entry: entry.path)
+
+    def some_entries(self) -> list[Entry]:
+        """Return them; InputError where there are none."""
+        if not (entries := self.entries()):
+            raise InputError(f"{shown(self.url)} holds nothing; check the address")
+        return entries
 
     def details(self) -> dict[str, dict[str, Any]]:
         """Return what the store says of each file, by its path below."""
@@ -114,10 +119,8 @@ class Store:
 
         def remove() -> None:
             for path in paths:
-                try:
+                with suppress(FileNotFoundError):
                     self._fs.rm_file(self._at(path))
-                except FileNotFoundError:
-                    continue
 
         patiently(remove, f"removing from {shown(self.url)}")
 

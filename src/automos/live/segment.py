@@ -16,7 +16,6 @@ import numpy as np
 from automos import __version__
 from automos.core.atomic import write_text
 from automos.core.geometry import inverse
-from automos.core.pose_writers import write_kitti, write_tum
 from automos.core.run import Progress
 from automos.core.scan import Scan, Sequence
 from automos.core.workspace import RUN_FILE
@@ -25,8 +24,9 @@ from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.trajectory import Trajectory
 from automos.results.claiming import claimed
 from automos.results.point_files import count_points, no_points, write_points
-from automos.results.tracks_file import box_entry, write_tracks
-from automos.settings import Settings, dump_yaml
+from automos.results.tracks_file import box_entry
+from automos.results.writing import about, write_tables
+from automos.settings import Settings
 
 
 def segment_recording(
@@ -111,10 +111,7 @@ class ResultsWriter:
         T_level_world = T_level_sensor[0] if len(T_level_sensor) else np.eye(4)
         poses, stamps = inverse(T_level_world) @ T_level_sensor, np.array(self._stamps)
         trajectory = Trajectory(poses, stamps, np.zeros((len(poses), 6)), SweepTiming(), T_level_world)
-        write_kitti(folder / "poses.txt", poses)
-        write_tum(folder / "poses.tum", poses, stamps)
-        write_text(folder / "settings.yaml", dump_yaml(self._settings))
-        write_tracks(folder / "tracks.json", trajectory, self._written, self._entries())
+        write_tables(folder, trajectory, self._settings, self._written, self._entries())
         tracks = {"total": len(self._objects), "moving": len(self._objects)}
         run = {**note, "points": self._counts, "tracks": tracks, "versions": {"automos": __version__}}
         write_text(folder / RUN_FILE, json.dumps(run, indent=1))
@@ -126,12 +123,6 @@ class ResultsWriter:
             boxes = [box_entry(int(scan), stamp, True, columns) for scan, stamp, _, *columns in rows.tolist()]
             confidence = round(float(rows[:, 2].mean()), 3)
             yield {"id": track + 1, "verdict": "moving", "confidence": confidence, "boxes": boxes}
-
-
-def about(sequence: Sequence) -> dict[str, Any]:
-    """Return what run.json says of a recording: among it, where other commands find it."""
-    source = None if sequence.address is None else str(sequence.address.absolute())
-    return {"name": sequence.name, "scans": len(sequence), "input": sequence.fingerprint(), "source": source}
 
 
 def stamped(sequence: Sequence) -> Iterator[Scan]:

@@ -9,16 +9,17 @@ from typing import Any
 import numpy as np
 
 from automos import __version__
-from automos.core.atomic import write_npy, write_raw, write_text
-from automos.core.labels import Label, pack
+from automos.core.atomic import write_npy, write_text
 from automos.core.pose_writers import write_kitti
 from automos.core.run import Progress
 from automos.core.scan import Sequence
 from automos.core.workspace import RUN_FILE
-from automos.live.segment import about, stamped
+from automos.live.segment import stamped
 from automos.network.deployed import Deployed, load_network
 from automos.network.online import STAGES, OnlineSegmenter
 from automos.results.claiming import claimed
+from automos.results.point_files import count_points, no_points, write_points
+from automos.results.writing import about
 from automos.settings import Settings, dump_yaml
 
 
@@ -62,15 +63,14 @@ def segment_recording(
     """
     with claimed(folder, ["predictions", *(["probabilities"] if probabilities else [])], sequence):
         segmenter = OnlineSegmenter(network, settings, is_compensated=sequence.is_compensated)
-        counts, poses = dict.fromkeys((label.name.lower() for label in Label), 0), []
+        counts, poses = no_points(), []
         for i, (name, scan) in enumerate(zip(sequence.names, stamped(sequence), strict=True)):
             labels, moving = segmenter.segment(scan)
             poses.append(segmenter.T_world_sensor)
-            write_raw(folder / "predictions" / f"{name}.label", pack(labels))
+            write_points(folder, name, labels, None, None)
             if probabilities:
                 write_npy(folder / "probabilities" / f"{name}.npy", moving.astype(np.float16))
-            for label in Label:
-                counts[label.name.lower()] += int((labels == label).sum())
+            count_points(counts, labels)
             if progress is not None:
                 progress("segment", i + 1, len(sequence))
         write_kitti(folder / "poses.txt", np.array(poses))

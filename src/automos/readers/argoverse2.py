@@ -60,6 +60,9 @@ def find(path: Path) -> list[Path]:
 class Argoverse2Sequence(DrawnTruth, ListedSequence):
     """One log. Points are in the upper sensor's frame; poses are the vehicle's, carried over to it."""
 
+    is_compensated = True
+    """Sweeps are published motion-compensated."""
+
     def __init__(self, source: Path):
         """List the sweeps of log `source`."""
         files, stamps = stamped_files(source / _SCANS, ".feather")
@@ -71,11 +74,6 @@ class Argoverse2Sequence(DrawnTruth, ListedSequence):
         scan = to_scan(_read(path), path, self._names[index], 1e-9 * self._nanoseconds[index], 1e-9)
         moved = replace(scan, points=transform(inverse(self._T_ego_sensor), scan.points))
         return moved if self._T_ego_sensors is None or scan.ring is None else self._say_from_where(moved, scan.ring)
-
-    @property
-    def is_compensated(self) -> bool:
-        """Sweeps are published motion-compensated."""
-        return True
 
     @cached_property
     def reference_poses(self) -> Pose | None:

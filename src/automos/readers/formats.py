@@ -188,6 +188,9 @@ def is_capture(path: Path) -> bool:
 class SensorSequence(ScanSequence):
     """The sweeps of one sensor, as measured; readers derive from it, find them, and set `_stamps` and `_identity`."""
 
+    is_compensated = False
+    """Packets are as measured."""
+
     source: Path
     _stamps: npt.NDArray[np.float64]
     _identity: str
@@ -210,11 +213,6 @@ class SensorSequence(ScanSequence):
     def stamps(self) -> npt.NDArray[np.float64]:
         """(len,) seconds, of each sweep's first packet on the sensor's clock, which may be set to the recorder's."""
         return self._stamps
-
-    @property
-    def is_compensated(self) -> bool:
-        """Packets are as measured."""
-        return False
 
     def fingerprint(self) -> str:
         """Return a text that changes when the files do, or the sensor."""

@@ -68,10 +68,8 @@ def _has_splits(folder: Path) -> bool:
 class HelimosSequence(KittiSequence):
     """One sensor; scans without a label file have no truth."""
 
-    @property
-    def is_compensated(self) -> bool:
-        """Published without the sensor's motion during a sweep."""
-        return True
+    is_compensated = True
+    """Published without the sensor's motion during a sweep."""
 
     def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
         """Return the (N,) uint32 labels of scan `index`, None where it was not labelled."""

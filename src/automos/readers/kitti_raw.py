@@ -55,15 +55,13 @@ def _scans_of(path: Path) -> str | None:
 class KittiRawSequence(KittiTruth, FolderSequence):
     """One drive."""
 
+    is_compensated = False
+    """Raw drives are as measured."""
+
     def __init__(self, source: Path):
         """List the scans of the drive in folder `source`; errors are those of a plain folder."""
         super().__init__(source, scan_folder=_scans_of(source) or _SCANS[0])
         require_numbered(self._names, self._folder)
-
-    @property
-    def is_compensated(self) -> bool:
-        """Raw drives are as measured."""
-        return False
 
     def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64] | None:
         path = self._folder.parent / "timestamps.txt"

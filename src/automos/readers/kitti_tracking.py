@@ -51,6 +51,9 @@ def _calib_of(path: Path) -> Path:
 class KittiTrackingSequence(KittiTruth, FolderSequence):
     """One sequence; scans are matched to labels and poses by their number."""
 
+    is_compensated = False
+    """Sweeps are as measured."""
+
     def __init__(self, source: Path):
         """List the scans in folder `source`."""
         super().__init__(source, codec="bin")
@@ -61,11 +64,6 @@ class KittiTrackingSequence(KittiTruth, FolderSequence):
         times = _PERIOD * np.array([int(name) for name in self._names])
         require_increasing(times, self._names, self.source)
         return times
-
-    @property
-    def is_compensated(self) -> bool:
-        """Sweeps are as measured."""
-        return False
 
     @cached_property
     def reference_poses(self) -> Pose | None:

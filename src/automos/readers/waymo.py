@@ -57,6 +57,9 @@ def _table(segment: Path, component: str) -> Path:
 class WaymoSequence(DrawnTruth):
     """One segment. Poses are the vehicle's, carried over to the origin of its top LiDAR."""
 
+    is_compensated = True
+    """The poses of the pixels are applied."""
+
     source: Path
 
     def __init__(self, segment: Path):
@@ -104,11 +107,6 @@ class WaymoSequence(DrawnTruth):
     def stamps(self) -> npt.NDArray[np.float64]:
         """(len,) seconds, of the frames' first measurements."""
         return 1e-6 * self._micros.astype(np.float64)
-
-    @property
-    def is_compensated(self) -> bool:
-        """The poses of the pixels are applied."""
-        return True
 
     @property
     def reference_poses(self) -> Pose:

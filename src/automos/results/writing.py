@@ -11,9 +11,8 @@ stages/               the results of each stage; deleting them costs only time
 
 import json
 import logging
-import math
 import platform
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -26,8 +25,10 @@ from automos.core.pose_writers import write_kitti, write_tum
 from automos.core.recording_warnings import recording_warnings, scan_rate
 from automos.core.scan import Sequence
 from automos.core.workspace import COMPLETE, RUN_FILE, UNFINISHED, Workspace
+from automos.evaluation.report import without_nan
 from automos.objects.verdict import Verdict
 from automos.odometry.clock import rate_of
+from automos.odometry.trajectory import Trajectory
 from automos.pipeline import Found
 from automos.results.claiming import per_scan_files
 from automos.results.point_files import count_points, no_points, write_points
@@ -65,18 +66,12 @@ def write_results(
     rate = rate_of(settings.recording, sequence.name)
     counts, n_body = _write_scans(folder, result, output, progress)
     trajectory = result.trajectory
-    write_kitti(folder / "poses.txt", trajectory.T_world_sensor)
-    write_tum(folder / "poses.tum", trajectory.T_world_sensor, trajectory.stamps)
-    write_text(folder / "settings.yaml", dump_yaml(settings))
     entries = track_entries(result.tracks, result.verdicts, trajectory)
-    write_tracks(folder / "tracks.json", trajectory, result.names, entries)
+    write_tables(folder, trajectory, settings, result.names, entries)
     run = {
         "fingerprint": key,
         "recording": {
-            "name": sequence.name,
-            "scans": len(result),
-            "input": sequence.fingerprint(),
-            "source": None if sequence.address is None else str(sequence.address.absolute()),
+            **about(sequence),
             **scan_rate(sequence, rate),
             "warnings": recording_warnings(sequence, rate),
         },
@@ -85,13 +80,29 @@ def write_results(
         "tracks": {"total": len(result.tracks), "moving": int((result.verdicts.verdict == Verdict.MOVING).sum())},
         "seconds": {**before.get("seconds", {}), **{k: round(v, 3) for k, v in result.seconds.items() if v}},
         "poses": poses,
-        "odometry": _without_nan(trajectory.diagnostics),
+        "odometry": without_nan(trajectory.diagnostics),
         "stages": dict(result.keys),
         "versions": versions(),
         **({} if is_whole else {UNFINISHED: True}),
     }
     write_text(folder / RUN_FILE, json.dumps(run, indent=1))
     return run
+
+
+def about(sequence: Sequence) -> dict[str, Any]:
+    """Return what run.json says of a recording: among it, where other commands find it."""
+    source = None if sequence.address is None else str(sequence.address.absolute())
+    return {"name": sequence.name, "scans": len(sequence), "input": sequence.fingerprint(), "source": source}
+
+
+def write_tables(
+    folder: Path, trajectory: Trajectory, settings: Settings, names: list[str], entries: Iterable[dict[str, Any]]
+) -> None:
+    """Write poses, settings and tracks (`entries`) of the scans `names` into a results folder."""
+    write_kitti(folder / "poses.txt", trajectory.T_world_sensor)
+    write_tum(folder / "poses.tum", trajectory.T_world_sensor, trajectory.stamps)
+    write_text(folder / "settings.yaml", dump_yaml(settings))
+    write_tracks(folder / "tracks.json", trajectory, names, entries)
 
 
 def declare_whole(folder: Path) -> dict[str, Any]:
@@ -129,12 +140,3 @@ def versions() -> dict[str, str]:
         except PackageNotFoundError:
             continue
     return found
-
-
-def _without_nan(value: Any) -> Any:
-    """Return nested `value` with None for what JSON has no word for."""
-    if isinstance(value, dict):
-        return {key: _without_nan(inner) for key, inner in value.items()}
-    if isinstance(value, list):
-        return [_without_nan(inner) for inner in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -14,7 +14,6 @@ import numpy.typing as npt
 
 from automos.core.atomic import write_text
 from automos.core.workspace import RUN_FILE, Workspace
-from automos.objects.detections import Detections
 from automos.objects.verdict import Verdict
 from automos.review.follow import Detect, Heading, Path, follow_ahead
 from automos.review.run_stages import RunStages
@@ -75,10 +74,7 @@ def _steep(path: npt.NDArray[np.float64]) -> list[dict[str, Any]]:
 def _lost_ends(stages: RunStages) -> list[dict[str, Any]]:
     tracks, stamps = stages.tracks, stages.trajectory.stamps
 
-    @lru_cache(CACHED_SCANS)
-    def detect(index: int) -> Detections:
-        return Detections.from_arrays(stages.stage("instances").load(stages.names[index], *Detections.columns()))
-
+    detect = lru_cache(CACHED_SCANS)(stages.detections)
     is_moving = stages.verdicts.verdict == Verdict.MOVING
     rows = np.flatnonzero(tracks.is_observed & is_moving[tracks.track])
     taken = set(zip(tracks.scan[rows].tolist(), tracks.segment[rows].tolist(), strict=True))

@@ -13,6 +13,7 @@ from pydantic import Field, TypeAdapter
 from automos.core.reading import checked
 from automos.review.log import append_lines, read_lines
 from automos.review.run_stages import RunStages
+from automos.views.ground_map import thin_rows
 
 CHOICES = ("moving", "static", "unknown", "undo")
 """What can be decided of a track; "undo" takes back what was decided of it before."""
@@ -71,8 +72,7 @@ _DECISION = TypeAdapter(Decision)
 
 def cover(rows: npt.NDArray[np.int64], most: int = 40) -> Cover:
     """Return the cover of the points in `rows`, keeping at most `most` of them, evenly."""
-    kept = rows if len(rows) <= most else rows[np.linspace(0, len(rows) - 1, most).astype(int)]
-    return Cover(len(rows), [int(row) for row in kept])
+    return Cover(len(rows), thin_rows(rows, most).tolist())
 
 
 def append_decisions(folder: Path, decisions: Iterable[Decision]) -> None:

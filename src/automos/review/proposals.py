@@ -42,11 +42,7 @@ class Proposer:
     def __init__(self, stages: RunStages):
         """Take the run's stages."""
         self._stages = stages
-        self.detections = lru_cache(4000)(self._detections)
-
-    def _detections(self, index: int) -> Detections:
-        stage = self._stages.stage("instances")
-        return Detections.from_arrays(stage.load(self._stages.names[index], *Detections.columns()))
+        self.detections = lru_cache(4000)(stages.detections)
 
     # ------------------------------------------------------------------------------------------------- what is shown
     def at(self, index: int, x: float, y: float, on_scan: OnScan) -> Way:

@@ -16,6 +16,7 @@ from automos.core.errors import InputError
 from automos.core.labels import Label
 from automos.core.scan import Frame, Sequence
 from automos.core.workspace import Stage, Workspace, require_same
+from automos.objects.detections import Detections
 from automos.objects.labels import label_scans
 from automos.objects.tracking import Scans, TrackedObjects
 from automos.objects.verdict import Verdict, Verdicts
@@ -71,6 +72,10 @@ class RunStages:
     def stage(self, name: str) -> Stage:
         """Return the results of one stage."""
         return Workspace(self.folder).stage(name, self.keys[name])
+
+    def detections(self, index: int) -> Detections:
+        """Return the segments of scan `index`."""
+        return Detections.from_arrays(self.stage("instances").load(self.names[index], *Detections.columns()))
 
     def frame(self, index: int) -> Frame:
         """Return frame `index`."""

@@ -12,6 +12,7 @@ from automos.core.labels import Label
 from automos.core.scan import GROUND
 from automos.review.amendments import Amendment
 from automos.review.run_stages import Changes, RunStages, changed_labels, number_of, parts_in, replaced
+from automos.views.ground_map import thin_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,13 +132,8 @@ def _moment(
     is_ground = stages.stage("candidates").load(stages.names[scan], "kind")["kind"][near] == GROUND
     is_own = np.isin(frame.kept[near], subject.own_rows(scan))
     kinds = np.select([is_own, painted >= 0, is_ground], [OWN, OTHER_MOVING, AROUND_GROUND], AROUND).astype(np.uint8)
-    kept = np.concatenate([thin(np.flatnonzero(~is_own), MAX_AROUND), thin(np.flatnonzero(is_own), MAX_OWN)])
+    kept = np.concatenate([thin_rows(np.flatnonzero(~is_own), MAX_AROUND), thin_rows(np.flatnonzero(is_own), MAX_OWN)])
     return frame.points_level[near[kept]] - origin, kinds[kept]
-
-
-def thin(rows: npt.NDArray[np.int64], most: int) -> npt.NDArray[np.int64]:
-    """Return at most `most` of `rows`, evenly."""
-    return rows if len(rows) <= most else rows[np.linspace(0, len(rows) - 1, most).astype(int)]
 
 
 MAX_STANDING, MAX_GROUND = 60_000, 15_000
@@ -161,7 +157,7 @@ def place(stages: RunStages, index: int, changes: Changes) -> dict[str, Any]:
     ).astype(np.uint8)
     near = (np.abs(points) < REACH).all(axis=1)
     rows = [
-        thin(np.flatnonzero(near & (kinds == one)), most)
+        thin_rows(np.flatnonzero(near & (kinds == one)), most)
         for one, most in ((AROUND_GROUND, MAX_GROUND), (AROUND, MAX_STANDING), (UNSURE, 10**6), (OTHER_MOVING, 10**6))
     ]
     shown = np.concatenate(rows)

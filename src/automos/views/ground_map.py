@@ -223,10 +223,14 @@ class Thumbnails:
         return page
 
 
+def thin_rows(rows: npt.NDArray, most: int) -> npt.NDArray:
+    """Return at most `most` of the rows, evenly."""
+    return rows if len(rows) <= most else rows[np.linspace(0, len(rows) - 1, most).astype(int)]
+
+
 def picture_rows(points: npt.NDArray, center: npt.NDArray, half: float, shade: int, most: int) -> npt.NDArray[np.uint8]:
     """Return at most `most` of `points` as (M, 3) bytes: x, y on the square's grid, and `shade`."""
-    if len(points) > most:
-        points = points[np.linspace(0, len(points) - 1, most).astype(int)]
+    points = thin_rows(points, most)
     grid = np.clip(np.round((points[:, :2] - center + half) * (GRID / (2.0 * half))), 0, GRID)
     return np.column_stack([grid, np.full(len(points), shade)]).astype(np.uint8)
 

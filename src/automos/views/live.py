@@ -15,8 +15,9 @@ from automos.core.scan import Pose, Scan
 from automos.labeler import LabelledScan
 from automos.readers.formats import import_extra
 from automos.readers.point_cloud2 import packed_rows
+from automos.views.ground_map import thin_rows
 from automos.views.rerun_layout import load_rerun, world_view
-from automos.views.rerun_log import show_boxes, show_classes, show_sensor, show_velocities, thin_rows
+from automos.views.rerun_log import show_boxes, show_classes, show_sensor, show_velocities
 from automos.views.topdown import verdicts
 from automos.views.viewer import Viewer
 from automos.writers.formats import scan_columns

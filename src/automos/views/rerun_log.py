@@ -19,6 +19,7 @@ from automos.evaluation.moving import count
 from automos.results.run_files import RunFiles
 from automos.results.run_warnings import sentences_of
 from automos.results.tracks_file import VERDICTS
+from automos.views.ground_map import thin_rows
 from automos.views.rerun_layout import blueprint, load_rerun
 from automos.views.topdown import MOVING, verdicts
 
@@ -168,11 +169,6 @@ def _log_tracks(rr: Any, stream: rerun.RecordingStream, run: RunFiles) -> None:
     texts = [f"{track['id']} · {track['confidence']:.2f}" for track in moving]
     lines = rr.LineStrips3D(strips, colors=[30, 130, 80], radii=0.03, labels=texts, show_labels=False)
     stream.log("world/tracks", lines, static=True)
-
-
-def thin_rows(rows: npt.NDArray[np.int64], most: int) -> npt.NDArray[np.int64]:
-    """Return at most `most` of the rows, evenly."""
-    return rows if len(rows) <= most else rows[np.linspace(0, len(rows) - 1, most).astype(int)]
 
 
 def _summary(run: RunFiles) -> str:

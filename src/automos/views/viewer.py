@@ -73,16 +73,8 @@ class Viewer:
         program = _program()
         self._port = _free_port()
         self.url = None
-        arguments = [
-            "--bind",
-            HOST,
-            "--port",
-            str(self._port),
-            "--server-memory-limit",
-            memory,
-            "--memory-limit",
-            memory,
-        ]
+        arguments = ["--bind", HOST, "--port", str(self._port)]
+        arguments += ["--server-memory-limit", memory, "--memory-limit", memory]
         if web:
             page = port or _free_port()
             arguments += ["--serve-web", "--web-viewer-port", str(page)]

@@ -9,7 +9,7 @@ import numpy as np
 from automos.simulation import road_users, roadside
 from automos.simulation.shapes.materials import Material
 from automos.simulation.terrain import Road
-from automos.simulation.traffic.paths import Path, through
+from automos.simulation.traffic.paths import through
 from automos.simulation.world import Site, World
 
 SPEED = 11.0
@@ -21,29 +21,23 @@ LANE = 3.3
 
 def canyon(rng: np.random.Generator, duration: float) -> World:
     """Return a straight four-lane street between long smooth walls of buildings."""
-    site, main = _street(rng, duration, AT_GREEN)
-    for side in (-1.0, 1.0):
-        roadside.place_buildings(
-            site, main, side, 10.4, (6, 9), widths=(40.0, 90.0), gap_chance=0.2, gaps=(3.0, 7.0), smooth=True
-        )
-        _furnish(site, main, side)
-    return site.finish(duration)
+    return _street(rng, duration, AT_GREEN, widths=(40.0, 90.0), gap_chance=0.2)
 
 
 def avenue(rng: np.random.Generator, duration: float) -> World:
     """Return the same street with rows of trees, with gaps between the buildings, and in full flow."""
-    site, main = _street(rng, duration, SPEED)
-    for side in (-1.0, 1.0):
-        roadside.place_buildings(
-            site, main, side, 10.4, (6, 9), widths=(20.0, 45.0), gap_chance=0.4, gaps=(3.0, 7.0), smooth=True
-        )
-        roadside.place_trees(site, main, side * 7.9, (16.0, 34.0), clearance=0.4)
-        _furnish(site, main, side)
-    return site.finish(duration)
+    return _street(rng, duration, SPEED, widths=(20.0, 45.0), gap_chance=0.4, has_trees=True)
 
 
-def _street(rng: np.random.Generator, duration: float, start: float) -> tuple[Site, Path]:
-    """Return a site with a street full of vehicles, the ego's lanes at `start` m/s at first, and the street's line."""
+def _street(
+    rng: np.random.Generator,
+    duration: float,
+    start: float,
+    widths: tuple[float, float],
+    gap_chance: float,
+    has_trees: bool = False,
+) -> World:
+    """Return a street full of vehicles, the ego's lanes at `start` m/s at first, between buildings of some `widths`."""
     length = SPEED * duration + 2 * LEAD_IN
     main = through([(0.0, 0.0), (length, 0.0)])
     site = Site.over_hills(rng, ((0.3, 400.0),), (Road(main, 7.2, 3.0),), verge=Material.PAVEMENT)
@@ -56,11 +50,13 @@ def _street(rng: np.random.Generator, duration: float, start: float) -> tuple[Si
         road_users.fill_lane(site, lane, SPEED, (7.0, 18.0), heavy=0.25, spread=0.02, initial=start)
     for lane in (back.beside(-0.5 * LANE), back.beside(-1.5 * LANE)):
         road_users.fill_lane(site, lane, SPEED, (10.0, 30.0), heavy=0.2, spread=0.03)
-    return site, main
-
-
-def _furnish(site: Site, main: Path, side: float) -> None:
-    """Put people, lamps and what stands on pavements on one side of the street."""
-    road_users.add_walkers(site, main.beside(side * 8.8), int(main.length / 18.0), 0.5)
-    roadside.place_lamps(site, main, side, 7.7, spacing=28.0)
-    roadside.place_clutter(site, main, side, 9.9, spacing=(12.0, 35.0))
+    for side in (-1.0, 1.0):
+        roadside.place_buildings(
+            site, main, side, 10.4, (6, 9), widths=widths, gap_chance=gap_chance, gaps=(3.0, 7.0), smooth=True
+        )
+        if has_trees:
+            roadside.place_trees(site, main, side * 7.9, (16.0, 34.0), clearance=0.4)
+        road_users.add_walkers(site, main.beside(side * 8.8), int(main.length / 18.0), 0.5)
+        roadside.place_lamps(site, main, side, 7.7, spacing=28.0)
+        roadside.place_clutter(site, main, side, 9.9, spacing=(12.0, 35.0))
+    return site.finish(duration)
