@@ -16,7 +16,7 @@ from automos.core.errors import InputError
 from automos.core.labels import Label
 from automos.objects.verdict import Verdict
 from automos.results.open_run import open_run
-from automos.review import pictures, queue
+from automos.review import ahead, queue
 from automos.review.ahead import Waiting
 from automos.review.amendments import Part, append_verdicts, read_amendments
 from automos.review.apply import reapply
@@ -261,9 +261,9 @@ def test_what_is_in_sight_has_its_picture_before_all_scans_are_read(session, mon
             goes_on.wait(60)
         return session.run.scan(index)
 
-    monkeypatch.setattr(pictures, "IN_SIGHT", 1)
+    monkeypatch.setattr(ahead, "IN_SIGHT", 1)
     run.scan = scan
-    made = pictures.Pictures(run, session.stages, session.queue, Waiting())
+    made = ahead.Pictures(run, session.stages, session.queue, Waiting())
     shown = until(lambda: (page := made.to_page([]))["pictures"] and page)
     assert (list(shown["pictures"]), shown["ready"]) == ([first], False)
     goes_on.set()

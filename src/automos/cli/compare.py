@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,6 +12,7 @@ import typer
 from automos.cli.options import Calib, Format, Poses, Recording, Workers, console, output
 
 if TYPE_CHECKING:
+    from automos.core.run import Progress
     from automos.writers.maps.make_map import MadeMap
 
 compare_app = typer.Typer()
@@ -197,7 +198,7 @@ def _named_folders(given: list[str]) -> dict[str, Path]:
     return folders
 
 
-def _say_when_started() -> Callable[[str, int, int], None]:
+def _say_when_started() -> Progress:
     said: set[str] = set()
 
     def report(what: str, done: int, total: int) -> None:

@@ -1,6 +1,5 @@
 """The demo: simulate a street, label it, score the labels and draw them."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from automos.core.atomic import write_text
 from automos.core.blas import one_blas_thread
 from automos.core.claims import DEMO, claim
 from automos.core.labels import to_mos
+from automos.core.run import Progress
 from automos.core.scan import Scan, Sequence
 from automos.evaluation.moving import Counts, Scores, count
 from automos.objects.verdict import Verdict
@@ -34,7 +34,7 @@ class Demo:
     report: Path
 
 
-def run_demo(folder: Path, settings: Settings, progress: Callable[[str, int, int], None]) -> Demo:
+def run_demo(folder: Path, settings: Settings, progress: Progress) -> Demo:
     """Simulate a street, label it from its scans alone, and write a picture and a short report into `folder`.
 
     Raises
@@ -55,7 +55,7 @@ def run_demo(folder: Path, settings: Settings, progress: Callable[[str, int, int
     return Demo(scores, picture, report)
 
 
-def _record(world: SimulatedSequence, progress: Callable[[str, int, int], None]) -> tuple[list[Scan], list[np.ndarray]]:
+def _record(world: SimulatedSequence, progress: Progress) -> tuple[list[Scan], list[np.ndarray]]:
     scans, truth = [], []
     with one_blas_thread():
         for i in range(len(world)):

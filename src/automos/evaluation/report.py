@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,7 @@ import numpy as np
 from automos.core.arguments import require_own_names
 from automos.core.errors import InputError
 from automos.core.label_files import read_labels
+from automos.core.run import Progress
 from automos.core.scan import Sequence
 from automos.evaluation.moving import Counts, Scores, count
 from automos.evaluation.objects import FOUND, OUTCOMES, Movers, movers_of, scores_of_objects
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 logger = logging.getLogger(__name__)
-
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,14 +5,12 @@ and a market of scooters); S, of many sensors, is what the network that comes al
 never meet, nor those on which the labeler's settings were chosen (0-9).
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from automos.core.run import Progress
 from automos.core.scan import Sequence
 from automos.readers import open_sequence
-
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)

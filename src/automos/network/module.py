@@ -17,6 +17,7 @@ import torch
 from torch import Tensor
 from torchmetrics.classification import MulticlassConfusionMatrix
 
+from automos.core.run import Progress
 from automos.network.checkpoint import Checkpoint, Class, LMNet, save_checkpoint
 from automos.settings import NetworkSettings
 
@@ -178,7 +179,7 @@ class Kept(lightning.Callback):
 class Told(lightning.Callback):
     """Says how many scans were trained on, out of how many, and how each epoch went."""
 
-    def __init__(self, progress: Callable[[str, int, int], None], report: Callable[[str], object]):
+    def __init__(self, progress: Progress, report: Callable[[str], object]):
         self._progress, self._report = progress, report
 
     def on_train_start(self, trainer: lightning.Trainer, module: lightning.LightningModule) -> None:

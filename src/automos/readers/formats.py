@@ -206,6 +206,11 @@ class SensorSequence(ScanSequence):
         """The file, or the sensor that was asked for below it."""
         return self._address
 
+    def _set_stamps(self, stamps: npt.ArrayLike) -> None:
+        """Take (len,) the times of the sweeps; InputError unless they increase."""
+        self._stamps = np.asarray(stamps, np.float64)
+        require_increasing(self._stamps, self.names, self.source)
+
     def __len__(self) -> int:
         return len(self._stamps)
 

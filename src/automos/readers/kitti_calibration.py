@@ -3,7 +3,7 @@
 Boxes were drawn only where the left colour camera sees; elsewhere nobody knows what moved.
 """
 
-from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -29,44 +29,43 @@ IMAGE_SIZE = (1242, 375)
 """Pixels, width and height, of the rectified pictures where the calibration does not say."""
 
 
-def read_calibration(path: Path) -> dict[str, npt.NDArray[np.float64]]:
-    """Return the rows of numbers of a calibration file by name; rows of anything else are left out.
-
-    Raises
-    ------
-    InputError
-        The file is absent or cannot be read.
-    """
-    try:
-        lines = read_text(path).splitlines()
-    except FileNotFoundError:
-        raise InputError(f"{path} is missing; download the calibration that belongs to the recording") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} cannot be read as text: {error}") from None
-    rows = {}
-    for line in lines:
-        name, *words = line.replace(":", " ", 1).split() or [""]
-        try:
-            rows[name] = np.array(words, np.float64)
-        except ValueError:
-            continue  # the date of the calibration
-    return rows
-
-
-def take(rows: dict[str, npt.NDArray[np.float64]], path: Path, *names: str, size: int) -> npt.NDArray[np.float64]:
-    """Return the row of the first of `names` that is there, of `size` numbers."""
-    row = next((rows[name] for name in names if name in rows), None)
-    if row is None or len(row) != size:
-        raise InputError(f"{path} has no line {names[0]!r} of {size} numbers; download the calibration again")
-    if not (np.abs(row) < FARTHEST).all():
-        raise InputError(f"{path}: line {names[0]!r} holds what is not a number; download the calibration again")
-    return row
-
-
 def rigid(row: npt.NDArray[np.float64], path: Path) -> Pose:
     """Return (4, 4) from 12 numbers (3 x 4) or 9 (a rotation); InputError that names `path` where they are none."""
     T = make_transform(row.reshape(3, 3)) if len(row) == 9 else np.vstack([row.reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
     return rigid_transforms(T[None], path)[0]
+
+
+class Calibration:
+    """The rows of numbers of a calibration file; rows of anything else are left out."""
+
+    def __init__(self, path: Path):
+        """Read it; InputError where it is absent or cannot be read."""
+        try:
+            lines = read_text(path).splitlines()
+        except FileNotFoundError:
+            raise InputError(f"{path} is missing; download the calibration that belongs to the recording") from None
+        except (OSError, UnicodeDecodeError) as error:
+            raise InputError(f"{path} cannot be read as text: {error}") from None
+        self._path, self._rows = path, dict[str, npt.NDArray[np.float64]]()
+        for line in lines:
+            name, *words = line.replace(":", " ", 1).split() or [""]
+            with suppress(ValueError):  # the date of the calibration
+                self._rows[name] = np.array(words, np.float64)
+
+    def row(self, *names: str, size: int) -> npt.NDArray[np.float64]:
+        """Return the row of the first of `names` that is there, of `size` numbers."""
+        row = next((self._rows[name] for name in names if name in self._rows), None)
+        if row is None or len(row) != size:
+            raise InputError(f"{self._path} has no line {names[0]!r} of {size} numbers; download the calibration again")
+        if not (np.abs(row) < FARTHEST).all():
+            raise InputError(
+                f"{self._path}: line {names[0]!r} holds what is not a number; download the calibration again"
+            )
+        return row
+
+    def transform(self, *names: str, size: int = 12) -> Pose:
+        """Return (4, 4) of such a row, of 12 numbers or 9."""
+        return rigid(self.row(*names, size=size), self._path)
 
 
 def poses_from_packets(packets: npt.NDArray[np.float64], path: Path) -> Pose:
@@ -152,9 +151,8 @@ class KittiTruth(DrawnTruth):
         seconds = 0.1 * frame[rows].astype(np.float64) if stamps is None else stamps[scan]
         return DrawnBoxes(scan, track, boxes, judge_boxes(track, seconds, centers_in_world(poses[scan], boxes.center)))
 
-
-def require_numbered(names: Sequence[str], folder: Path) -> None:
-    """Raise InputError unless the scans in `folder` are named by their number."""
-    stray = next((name for name in names if not (name.isascii() and name.isdecimal())), None)
-    if stray is not None:
-        raise InputError(f"{folder} has a scan named {stray!r}; KITTI names scans by their number")
+    def _require_numbered(self, folder: Path) -> None:
+        """Raise InputError where a scan in `folder` is not named by its number."""
+        stray = next((name for name in self.names if not (name.isascii() and name.isdecimal())), None)
+        if stray is not None:
+            raise InputError(f"{folder} has a scan named {stray!r}; KITTI names scans by their number")

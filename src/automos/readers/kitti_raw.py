@@ -19,16 +19,7 @@ from automos.core.scan import Pose
 from automos.readers.box_truth import DrawnBoxes, checked_boxes
 from automos.readers.folder import FolderSequence
 from automos.readers.formats import Format, require_increasing
-from automos.readers.kitti_calibration import (
-    PACKET,
-    Camera,
-    KittiTruth,
-    poses_from_packets,
-    read_calibration,
-    require_numbered,
-    rigid,
-    take,
-)
+from automos.readers.kitti_calibration import PACKET, Calibration, Camera, KittiTruth, poses_from_packets, rigid
 from automos.readers.records import read_table
 from automos.readers.scan_times import read_times
 from automos.readers.stamped_poses import rigid_transforms, sensor_poses, truth_beside
@@ -61,7 +52,7 @@ class KittiRawSequence(KittiTruth, FolderSequence):
     def __init__(self, source: Path):
         """List the scans of the drive in folder `source`; errors are those of a plain folder."""
         super().__init__(source, scan_folder=_scans_of(source) or _SCANS[0])
-        require_numbered(self._names, self._folder)
+        self._require_numbered(self._folder)
 
     def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64] | None:
         path = self._folder.parent / "timestamps.txt"
@@ -90,8 +81,7 @@ class KittiRawSequence(KittiTruth, FolderSequence):
         table, calibration = read_table(path, 13, "poses"), root / "calibration"
         T = rigid_transforms(np.insert(table[:, 1:], 12, [[0.0], [0.0], [0.0], [1.0]], axis=1).reshape(-1, 4, 4), path)
         T_velo_camera = rigid(read_table(calibration / "calib_cam_to_velo.txt", 12, "a pose")[0], calibration)
-        to_pose = calibration / "calib_cam_to_pose.txt"
-        T_pose_camera = rigid(take(read_calibration(to_pose), to_pose, "image_00", size=12), to_pose)
+        T_pose_camera = Calibration(calibration / "calib_cam_to_pose.txt").transform("image_00")
         frames = np.array([int(name) for name in self._names], np.float64)
         # none was published of frames in which the car stood
         return sensor_poses(interpolate_poses(table[:, 0], T, frames), T_pose_camera @ inverse(T_velo_camera))
@@ -120,12 +110,10 @@ class KittiRawSequence(KittiTruth, FolderSequence):
         number : 2 of the left colour camera, 3 of the right one.
         """
         day = self.source.resolve().parent
-        path = day / "calib_cam_to_cam.txt"
-        rows = read_calibration(path)
-        T_rectified_camera = rigid(take(rows, path, "R_rect_00", size=9), path)
-        T = T_rectified_camera @ _read_transform(day / "calib_velo_to_cam.txt")
-        width, height = take(rows, path, f"S_rect_{number:02d}", size=2)
-        return T, take(rows, path, f"P_rect_{number:02d}", size=12).reshape(3, 4), (float(width), float(height))
+        camera = Calibration(day / "calib_cam_to_cam.txt")
+        T = camera.transform("R_rect_00", size=9) @ _read_transform(day / "calib_velo_to_cam.txt")
+        width, height = camera.row(f"S_rect_{number:02d}", size=2)
+        return T, camera.row(f"P_rect_{number:02d}", size=12).reshape(3, 4), (float(width), float(height))
 
     def picture(self, number: int, index: int) -> Path:
         """Return where the picture of camera `number` that belongs to scan `index` lies."""
@@ -146,9 +134,9 @@ class KittiRawSequence(KittiTruth, FolderSequence):
 
 
 def _read_transform(path: Path) -> Pose:
-    rows = read_calibration(path)
-    T = rigid(take(rows, path, "R", size=9), path)
-    T[:3, 3] = take(rows, path, "T", size=3)
+    calibration = Calibration(path)
+    T = calibration.transform("R", size=9)
+    T[:3, 3] = calibration.row("T", size=3)
     return T
 
 

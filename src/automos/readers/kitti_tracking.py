@@ -14,17 +14,7 @@ from automos.core.upright_boxes import Boxes
 from automos.readers.box_truth import DrawnBoxes, checked_boxes
 from automos.readers.folder import FolderSequence
 from automos.readers.formats import Format, require_increasing
-from automos.readers.kitti_calibration import (
-    IMAGE_SIZE,
-    PACKET,
-    Camera,
-    KittiTruth,
-    poses_from_packets,
-    read_calibration,
-    require_numbered,
-    rigid,
-    take,
-)
+from automos.readers.kitti_calibration import IMAGE_SIZE, PACKET, Calibration, Camera, KittiTruth, poses_from_packets
 from automos.readers.records import read_table
 from automos.readers.stamped_poses import sensor_poses
 
@@ -60,7 +50,7 @@ class KittiTrackingSequence(KittiTruth, FolderSequence):
         self._frames = np.array([int(name) for name in self._names])
 
     def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:
-        require_numbered(self._names, self.source)
+        self._require_numbered(self.source)
         times = _PERIOD * np.array([int(name) for name in self._names])
         require_increasing(times, self._names, self.source)
         return times
@@ -85,23 +75,21 @@ class KittiTrackingSequence(KittiTruth, FolderSequence):
         return self._beside("oxts")
 
     @cached_property
-    def _calibration(self) -> dict[str, npt.NDArray[np.float64]]:
-        return read_calibration(_calib_of(self.source))
+    def _calibration(self) -> Calibration:
+        return Calibration(_calib_of(self.source))
 
     @cached_property
     def _T_rectified_sensor(self) -> Pose:
-        path = _calib_of(self.source)
-        R = rigid(take(self._calibration, path, "R_rect", "R0_rect", size=9), path)
-        return R @ rigid(take(self._calibration, path, "Tr_velo_cam", "Tr_velo_to_cam", size=12), path)
+        R = self._calibration.transform("R_rect", "R0_rect", size=9)
+        return R @ self._calibration.transform("Tr_velo_cam", "Tr_velo_to_cam")
 
     @cached_property
     def _T_sensor_imu(self) -> Pose:
-        path = _calib_of(self.source)
-        return rigid(take(self._calibration, path, "Tr_imu_velo", "Tr_imu_to_velo", size=12), path)
+        return self._calibration.transform("Tr_imu_velo", "Tr_imu_to_velo")
 
     @cached_property
     def _camera(self) -> Camera:
-        projection = take(self._calibration, _calib_of(self.source), "P2", size=12).reshape(3, 4)
+        projection = self._calibration.row("P2", size=12).reshape(3, 4)
         return self._T_rectified_sensor, projection, IMAGE_SIZE
 
     @cached_property

@@ -17,15 +17,7 @@ from automos.core.errors import AutomosError, InputError, MissingExtraError
 from automos.core.reading import require_regular
 from automos.core.scan import Scan
 from automos.readers.foreign import limited
-from automos.readers.formats import (
-    Format,
-    SensorSequence,
-    choose_sensor,
-    import_extra,
-    is_capture,
-    recordings_at,
-    require_increasing,
-)
+from automos.readers.formats import Format, SensorSequence, choose_sensor, import_extra, is_capture, recordings_at
 from automos.readers.packets.pcap import require_whole
 
 _RETURNS = (("RANGE", "REFLECTIVITY"), ("RANGE2", "REFLECTIVITY2"))
@@ -75,8 +67,7 @@ class OusterSequence(SensorSequence):
         self._places, stamps = self._index()
         if not self._places:
             raise InputError(f"{self.source} holds no frames of sensor {self._identity}; its metadata may be another's")
-        self._stamps = np.array(stamps, np.float64)
-        require_increasing(self._stamps, self.names, self.source)
+        self._set_stamps(stamps)
 
     def __getitem__(self, index: int) -> Scan:
         index = self._scan_number(index)

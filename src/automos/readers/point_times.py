@@ -19,14 +19,7 @@ import numpy.typing as npt
 from automos.core.errors import InputError
 from automos.core.scan import MIN_RANGE
 from automos.readers.column_names import has_time, is_time
-from automos.readers.columns import (
-    MAX_SWEEP,
-    Columns,
-    find_time_unit,
-    is_measured,
-    ring_column,
-    time_column,
-)
+from automos.readers.columns import MAX_SWEEP, Columns, find_time_unit, is_measured, ring_column, time_column
 from automos.readers.time_order import with_all_times
 
 _LONGEST, _SHORTEST = 1.7, 0.01

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from automos.core.errors import InputError
 from automos.core.geometry import inverse, make_transform, transform
 from automos.core.pose_files import read_poses
+from automos.core.run import Progress
 from automos.core.scan import GROUND, Frame, Points, Pose, Scan, Sequence
 from automos.core.upright_boxes import Boxes
 from automos.core.workspace import require_same
@@ -61,7 +62,7 @@ class RunFiles(PointFiles):
         self,
         folder: Path,
         sequence: Sequence,
-        progress: Callable[[str, int, int], None] = lambda name, done, total: None,
+        progress: Progress = lambda name, done, total: None,
         deskewed: bool = False,
     ):
         super().__init__(folder, sequence.names, find_predictions(folder, sequence.name, is_only=True))

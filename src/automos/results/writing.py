@@ -12,7 +12,7 @@ stages/               the results of each stage; deleting them costs only time
 import json
 import logging
 import platform
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from automos.core.claims import remove
 from automos.core.labels import as_probability
 from automos.core.pose_writers import write_kitti, write_tum
 from automos.core.recording_warnings import recording_warnings, scan_rate
+from automos.core.run import Progress
 from automos.core.scan import Sequence
 from automos.core.workspace import COMPLETE, RUN_FILE, UNFINISHED, Workspace
 from automos.evaluation.report import without_nan
@@ -43,7 +44,7 @@ def write_results(
     sequence: Sequence,
     result: Found,
     settings: Settings,
-    progress: Callable[[str, int, int], None] = lambda name, done, total: None,
+    progress: Progress = lambda name, done, total: None,
     is_whole: bool = True,
     poses: str | None = None,
 ) -> dict[str, Any]:
@@ -113,9 +114,7 @@ def declare_whole(folder: Path) -> dict[str, Any]:
     return run
 
 
-def _write_scans(
-    folder: Path, result: Found, output: OutputSettings, progress: Callable[[str, int, int], None]
-) -> tuple[dict[str, int], int]:
+def _write_scans(folder: Path, result: Found, output: OutputSettings, progress: Progress) -> tuple[dict[str, int], int]:
     """Write what there is per point; return how many points have each label, and how many ride along."""
     for place in (folder, folder / "predictions", *([folder / "confidences"] if output.confidence else [])):
         place.mkdir(parents=True, exist_ok=True)

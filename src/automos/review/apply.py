@@ -6,7 +6,7 @@ correction: applying everything twice, or after a crash, gives the same files.
 
 import json
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
 from threading import Lock
@@ -17,6 +17,7 @@ import numpy as np
 from automos.core.atomic import write_text
 from automos.core.labels import Label, as_probability
 from automos.core.reading import read_bytes
+from automos.core.run import Progress
 from automos.core.scan import Sequence
 from automos.core.workspace import REVIEWED, RUN_FILE, UNFINISHED, Workspace
 from automos.results.point_files import write_points
@@ -37,9 +38,7 @@ def read_changes(stages: RunStages) -> tuple[Changes, list[Decision | Amendment]
     return Changes(decided, amendments), [*lost, *elsewhere]
 
 
-def reapply(
-    folder: Path, sequence: Sequence, progress: Callable[[str, int, int], None] = lambda name, done, total: None
-) -> dict[str, Any]:
+def reapply(folder: Path, sequence: Sequence, progress: Progress = lambda name, done, total: None) -> dict[str, Any]:
     """Apply the log of `folder` to the results there; return the new run.json.
 
     Raises

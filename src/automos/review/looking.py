@@ -1,7 +1,6 @@
 """A random sample while a person answers it: what the page shows of each look, and the answers it sends."""
 
 import threading
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -9,23 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
+from automos.core.run import Progress
+from automos.review import sample as samples
 from automos.review.proposals import Proposer
 from automos.review.run_stages import Changes, RunStages
-from automos.review.sample import (
-    ANSWERS,
-    SAMPLE_FILE,
-    Look,
-    Sample,
-    append_answer,
-    draw,
-    estimate,
-    key_of_labels,
-    note_quality,
-    read_answers,
-    read_sample,
-    save_sample,
-    strata,
-)
 from automos.review.scenes import Subject, place, scene, subject_of_track
 
 AROUND = 1.5
@@ -35,11 +21,11 @@ AROUND = 1.5
 class Looking:
     """The looks of one sample, and the answers to them."""
 
-    def __init__(self, stages: RunStages, sample: Sample, changes: Changes):
+    def __init__(self, stages: RunStages, sample: samples.Sample, changes: Changes):
         """Take a run, a sample of it, and its changes when the sample was drawn."""
         self._stages, self._changes = stages, changes
         self.sample = sample
-        self.answers = read_answers(stages.folder, sample)
+        self.answers = samples.read_answers(stages.folder, sample)
         self._proposer = Proposer(stages)
         self._clicked: dict[int, list[npt.NDArray[np.int64]]] = {}
         self._lock = threading.Lock()
@@ -74,13 +60,13 @@ class Looking:
             No such look, or no answer to it.
         """
         look = self._require(n)
-        allowed = ("done", "unknown") if look.kind == "moment" else ANSWERS
+        allowed = ("done", "unknown") if look.kind == "moment" else samples.ANSWERS
         if answer not in allowed:
             raise InputError(f"{answer!r} is not an answer: say {', '.join(allowed)}")
         missed = len(np.unique(np.concatenate([[0], *self._clicked.get(n, [])]))) - 1 if answer == "done" else 0
-        append_answer(self._stages.folder, self.sample, n, answer, missed)
+        samples.append_answer(self._stages.folder, self.sample, n, answer, missed)
         self.answers[n] = answer, missed
-        note_quality(self._stages.folder)
+        samples.note_quality(self._stages.folder)
         return self._estimate()
 
     def missed(self, n: int, x: float, y: float) -> dict[str, Any]:
@@ -96,7 +82,7 @@ class Looking:
             raise InputError("only a moment is clicked in: say whether the marked point moves")
         with self._lock:
             rows = self._proposer.rows_at(look.index, x, y)
-            is_moving, is_fringe = strata(self._stages, look.index, self._changes)
+            is_moving, is_fringe = samples.strata(self._stages, look.index, self._changes)
             rest = rows[~(is_moving | is_fringe)[rows]]
         self._clicked.setdefault(n, []).append(rest + 1)
         return {"points": len(rest)}
@@ -107,14 +93,14 @@ class Looking:
         return {"points": 0}
 
     def _estimate(self) -> dict[str, Any]:
-        return estimate(self.sample, self.answers)
+        return samples.estimate(self.sample, self.answers)
 
-    def _require(self, n: int) -> Look:
+    def _require(self, n: int) -> samples.Look:
         if not 0 <= n < len(self.sample.looks):
             raise InputError(f"there is no look {n}: they are numbered from 0 to {len(self.sample.looks) - 1}")
         return self.sample.looks[n]
 
-    def _around(self, look: Look) -> Subject:
+    def _around(self, look: samples.Look) -> Subject:
         """Return the object that a point is on or beside, for a while before and after."""
         stages = self._stages
         owner = int(stages.owner_of_points(look.index)[look.row])
@@ -132,19 +118,19 @@ class Looking:
         return Subject(0, near, boxes, np.zeros(len(near)), lambda i: nothing)
 
 
-def open_sample(
-    stages: RunStages, changes: Changes, n_looks: int, progress: Callable[[str, int, int], None]
-) -> Looking:
+def open_sample(stages: RunStages, changes: Changes, n_looks: int, progress: Progress) -> Looking:
     """Return the sample of a run's labels that is not answered yet, or a new one of `n_looks`; errors as of `draw`."""
-    sample = read_sample(stages.folder)
+    sample = samples.read_sample(stages.folder)
     if sample is not None and any(look.index >= len(stages.names) for look in sample.looks):
-        raise InputError(f"{stages.folder / SAMPLE_FILE} is of more scans than the run: remove it, and draw another")
+        raise InputError(
+            f"{stages.folder / samples.SAMPLE_FILE} is of more scans than the run: remove it, and draw another"
+        )
     is_open = (
         sample is not None
-        and sample.labels == key_of_labels(stages.folder)
-        and len(read_answers(stages.folder, sample)) < len(sample.looks)
+        and sample.labels == samples.key_of_labels(stages.folder)
+        and len(samples.read_answers(stages.folder, sample)) < len(sample.looks)
     )
     if sample is None or not is_open:
-        sample = draw(stages, changes, n_looks, progress=progress)
-        save_sample(stages.folder, sample)
+        sample = samples.draw(stages, changes, n_looks, progress=progress)
+        samples.save_sample(stages.folder, sample)
     return Looking(stages, sample, changes)

@@ -1,7 +1,6 @@
 """A random sample of a run's labels for a person to judge, stored in sample.json; answers are lines of the log."""
 
 import json
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -15,6 +14,7 @@ from automos.core.atomic import write_text
 from automos.core.errors import InputError
 from automos.core.labels import Label
 from automos.core.reading import checked, read_json
+from automos.core.run import Progress
 from automos.core.upright_boxes import Boxes, points_in_boxes
 from automos.core.workspace import RUN_FILE, Workspace
 from automos.objects.verdict import Verdict
@@ -96,7 +96,7 @@ def draw(
     changes: Changes,
     n_looks: int,
     seed: int | None = None,
-    progress: Callable[[str, int, int], None] = lambda name, done, total: None,
+    progress: Progress = lambda name, done, total: None,
 ) -> Sample:
     """Return a random sample of `n_looks` looks at the labels as they are after `changes`.
 

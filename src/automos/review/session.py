@@ -1,13 +1,14 @@
 """A running review: what the page shows, the decisions, and the objects made by a person."""
 
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from automos.core.errors import InputError
+from automos.core.run import Progress
 from automos.core.workspace import Workspace
 from automos.results.run_files import RunFiles
 from automos.results.run_warnings import general_sentences
@@ -33,7 +34,7 @@ class Session:
     def __init__(
         self,
         run: RunFiles,
-        progress: Callable[[str, int, int], None] = lambda name, done, total: None,
+        progress: Progress = lambda name, done, total: None,
         n_looks: int | None = None,
     ) -> None:
         """Take a run; decisions made before are applied first, in case the last session was cut off.

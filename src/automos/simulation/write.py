@@ -14,7 +14,7 @@ OUT/bag                     MCAP with the sweeps, an IMU, and where both are mou
 
 import json
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,7 @@ from automos.core.geometry import Array, inverse, se3_log
 from automos.core.own_folder import own_folder
 from automos.core.parallel import map_in_order
 from automos.core.pose_writers import write_kitti
+from automos.core.run import Progress
 from automos.readers.formats import import_extra
 from automos.readers.point_cloud2 import cloud_message
 from automos.simulation.sequence import FORMAT, SimulatedSequence
@@ -108,7 +109,7 @@ def write(
     sequence: SimulatedSequence,
     out: str | Path,
     workers: int = 1,
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: Progress | None = None,
     bag: bool = False,
 ) -> Path:
     """Write `sequence` with its truth to folder `out` and return the folder; an interrupted run goes on.
@@ -136,9 +137,7 @@ def write(
     return out
 
 
-def _write_all(
-    sequence: SimulatedSequence, out: Path, workers: int, progress: Callable[[str, int, int], None] | None
-) -> None:
+def _write_all(sequence: SimulatedSequence, out: Path, workers: int, progress: Progress | None) -> None:
     write_text(out / "calib.txt", "".join(f"P{k}: {_IDENTITY}\n" for k in range(4)) + f"Tr: {_IDENTITY}\n")
     write_text(out / "times.txt", "".join(f"{stamp:.6f}\n" for stamp in sequence.stamps))
     write_kitti(out / "poses.txt", sequence.reference_poses)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import importlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +16,7 @@ from automos.core.claims import EXPORT, claim, claim_file
 from automos.core.errors import InputError
 
 if TYPE_CHECKING:
+    from automos.core.run import Progress
     from automos.core.scan import Sequence as ScanSequence
     from automos.results.run_files import RunFiles
     from automos.writers.formats import Export
@@ -60,7 +61,7 @@ def export_run(
     sequences: Sequence[ScanSequence],
     format: str,
     out: str | Path | None = None,
-    progress: Callable[[str, int, int], None] = lambda name, done, total: None,
+    progress: Progress = lambda name, done, total: None,
     deskewed: bool = False,
 ) -> list[Path]:
     """Write the results in `folder` in another format.

@@ -17,7 +17,7 @@ from automos.core.errors import InputError
 from automos.core.reading import is_there
 from automos.core.scan import Scan
 from automos.readers.foreign import limited
-from automos.readers.formats import Format, SensorSequence, choose_sensor, is_capture, recordings_at, require_increasing
+from automos.readers.formats import Format, SensorSequence, choose_sensor, is_capture, recordings_at
 from automos.readers.packets.beams import TOLD, table_beside
 from automos.readers.packets.decode import Decoder, make_decoder, to_scan
 from automos.readers.packets.lvx import SUFFIXES, LvxFile
@@ -75,9 +75,9 @@ class PacketSequence(SensorSequence):
         makers = {layout.sensor for layout, _ in found}
         what = makers.pop() if len(makers) == 1 else "LiDAR"
         self._layout, self._sender = names[choose_sensor(self.source, self._wanted, list(names), what)]
-        self._starts, self._stamps = found[self._layout, self._sender]
+        self._starts, stamps = found[self._layout, self._sender]
         self._identity = str(self._sender)
-        require_increasing(self._stamps, self.names, self.source)
+        self._set_stamps(stamps)
         self[0]  # an unknown model is reported now
 
     def __getitem__(self, index: int) -> Scan:

@@ -62,11 +62,11 @@ class Sensor:
     name: str
     elevations: npt.NDArray[np.floating]
     columns: int
-    period: float
     reach: float
     max_range: float
     min_range: float
-    noise: float
+    period: float = 0.1
+    noise: float = 0.012
     ring_bias: float = 0.005
     divergence: float = 0.003
     height: float = 1.8
@@ -164,12 +164,9 @@ _OS1_64 = Sensor(
     "OS1-64",
     elevations=np.linspace(22.5, -22.5, 64),
     columns=1024,
-    period=0.1,
     reach=50.0,
     max_range=120.0,
     min_range=0.5,
-    noise=0.012,
-    height=1.8,
     stagger=(4.23, 1.41, -1.41, -4.23),
     organised=True,
     levels=4096,
@@ -180,7 +177,6 @@ _SENSORS = [
         "HDL-64E",
         elevations=np.concatenate([2.0 - np.arange(32) / 3.0, -8.83 - 0.5 * np.arange(32)]),
         columns=2083,
-        period=0.1,
         reach=50.0,
         max_range=120.0,
         min_range=0.9,
@@ -198,19 +194,15 @@ _SENSORS = [
         reach=40.0,
         max_range=100.0,
         min_range=0.9,
-        noise=0.012,
         height=1.84,
     ),
     Sensor(
         "VLP-16",
         elevations=15.0 - 2.0 * np.arange(16),
         columns=1800,
-        period=0.1,
         reach=40.0,
         max_range=100.0,
         min_range=0.5,
-        noise=0.012,
-        height=1.8,
     ),
     _OS1_64,
     replace(_OS1_64, name="OS1-128", elevations=np.linspace(22.5, -22.5, 128)),
@@ -218,11 +210,9 @@ _SENSORS = [
         "VLS-128",
         elevations=_ALPHA[::-1].copy(),
         columns=1876,
-        period=0.1,
         reach=180.0,
         max_range=245.0,
         min_range=1.0,
-        noise=0.012,
         height=1.9,
         stagger=(6.354, 4.548, 2.732, 0.911, -0.911, -2.732, -4.548, -6.354),
     ),
@@ -230,14 +220,11 @@ _SENSORS = [
         "Avia",
         elevations=np.linspace(0.5, -0.5, 6),
         columns=4000,
-        period=0.1,
         reach=190.0,
         max_range=450.0,
         min_range=1.0,
-        noise=0.012,
         height=1.65,
         forward=0.9,
-        divergence=0.003,
         rosette=(70.4, 76.2),
     ),
 ]
