@@ -200,7 +200,7 @@ def test_the_published_sample_is_read_with_its_own_dynamic_flags_as_truth(av2_sa
     np.testing.assert_array_equal((sequence.truth(0) & 0xFFFF) == 251, flags)
     assert sequence.truth(1) is None
     moved = np.load(next(av2_sample.glob("*/ego_motion.npz")))["ego_motion"][0]  # from the first to the second sweep
-    calibration = sequence._T_ego_sensor
+    calibration = sequence.T_vehicle_sensor
     T_ego1_ego0 = calibration @ inverse(sequence.reference_poses[1]) @ inverse(calibration)
     np.testing.assert_allclose(T_ego1_ego0, moved, atol=2e-3)
     (found,) = check(av2_sample)

@@ -39,7 +39,7 @@ FORMATS: tuple[str, ...] = (
 """Formats of recordings in the order they are tried."""
 _FAMILIES = {
     "stamped_drives": ("helipr", "mulran", "boreas", "apollo"),
-    "kitti": ("kitti", "helimos", "semanticposs"),
+    "kitti": ("kitti", "helimos", "semanticposs", "kitti_tracking"),
     "zipped": ("zipped", "stacked"),
 }
 """Modules that read several formats; others read one, of their name."""

@@ -72,7 +72,7 @@ class Argoverse2Sequence(DrawnTruth, ListedSequence):
     def __getitem__(self, index: int) -> Scan:
         path = self._files[index := self._scan_number(index)]
         scan = to_scan(_read(path), path, self._names[index], 1e-9 * self._nanoseconds[index], 1e-9)
-        moved = replace(scan, points=transform(inverse(self._T_ego_sensor), scan.points))
+        moved = replace(scan, points=transform(inverse(self.T_vehicle_sensor), scan.points))
         return moved if self._T_ego_sensors is None or scan.ring is None else self._say_from_where(moved, scan.ring)
 
     @cached_property
@@ -80,7 +80,7 @@ class Argoverse2Sequence(DrawnTruth, ListedSequence):
         """(len, 4, 4) T_world_sensor; None without poses."""
         if not is_there(self.source / _POSES):
             return None
-        return sensor_poses(self._T_city_ego, self._T_ego_sensor)
+        return sensor_poses(self._T_city_ego, self.T_vehicle_sensor)
 
     def truth(self, index: int) -> npt.NDArray[np.uint32] | None:
         """Return (N,) uint32 labels of sweep `index`; None where the log has none for it.
@@ -100,26 +100,23 @@ class Argoverse2Sequence(DrawnTruth, ListedSequence):
         if not is_there(self.source / _BOXES) or index + 1 == len(self):
             return None
         now, later = self._drawn.of(self._nanoseconds[index]), self._drawn.of(self._nanoseconds[index + 1])
-        points = transform(self._T_ego_sensor, self[index].points)
+        points = transform(self.T_vehicle_sensor, self[index].points)
         owner = points_in_boxes(points, now.boxes)
         instance = np.where(owner >= 0, now.track[owner], 0) if len(now) else np.zeros(len(points), np.int64)
         boxes = later.boxes.transformed(inverse(self._T_city_ego[index]) @ self._T_city_ego[index + 1])
         motion = motion_with_boxes(points, instance, (now.track, now.boxes), (later.track, boxes))
-        return motion @ self._T_ego_sensor[:3, :3].astype(np.float32)
+        return motion @ self.T_vehicle_sensor[:3, :3].astype(np.float32)
 
     def _boxes_of(self, index: int) -> tuple[DrawnBoxes, Pose] | None:
         is_drawn = is_there(self.source / _BOXES)
-        return (self._drawn.of(self._nanoseconds[index]), self._T_ego_sensor) if is_drawn else None
+        return (self._drawn.of(self._nanoseconds[index]), self.T_vehicle_sensor) if is_drawn else None
 
     @property
     def T_vehicle_sensor(self) -> Pose:
         """(4, 4) of the upper sensor."""
-        return self._T_ego_sensor
+        return self._calibrated(_SENSORS[0])
 
     # ------------------------------------------------------------------------------------------------------- tables
-    @property
-    def _T_ego_sensor(self) -> Pose:
-        return self._calibrated(_SENSORS[0])
 
     def _calibrated(self, sensor: str) -> Pose:
         path, table = self.source / _CALIBRATION, self._calibration
@@ -154,7 +151,7 @@ class Argoverse2Sequence(DrawnTruth, ListedSequence):
     def _say_from_where(self, scan: Scan, laser: npt.NDArray[np.uint16]) -> Scan:
         assert self._T_ego_sensors is not None
         sensor = (laser >= _LASERS).astype(np.uint8)
-        return replace(scan, sensor=sensor, T_scan_sensor=inverse(self._T_ego_sensor) @ self._T_ego_sensors)
+        return replace(scan, sensor=sensor, T_scan_sensor=inverse(self.T_vehicle_sensor) @ self._T_ego_sensors)
 
     @cached_property
     def _T_city_ego(self) -> Pose:
@@ -173,7 +170,7 @@ class Argoverse2Sequence(DrawnTruth, ListedSequence):
         instance = np.zeros(len(scan), np.int64)
         if is_there(self.source / _BOXES):
             drawn = self._drawn.of(self._nanoseconds[0])
-            owner = points_in_boxes(transform(self._T_ego_sensor, scan.points), drawn.boxes)
+            owner = points_in_boxes(transform(self.T_vehicle_sensor, scan.points), drawn.boxes)
             instance[owner >= 0] = drawn.track[owner[owner >= 0]]
         return pack(label, instance)
 

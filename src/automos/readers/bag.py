@@ -15,9 +15,8 @@ import numpy.typing as npt
 from automos.core.errors import AutomosError, InputError
 from automos.core.reading import damage_reported, is_there, parse_yaml, read_text, require_regular
 from automos.readers.bag_chunks import ZSTD, unpack
-from automos.readers.bag_file import LARGEST, BagFile, Topic
 from automos.readers.bag_kinds import McapFile, Ros1File, SqliteFile
-from automos.readers.bag_messages import is_of_points
+from automos.readers.bag_messages import LARGEST, BagFile, Topic, is_of_points
 from automos.readers.foreign import limited
 
 _SUFFIXES = (".bag", ".bag.active", ".mcap", ".db3")

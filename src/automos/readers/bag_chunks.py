@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
-from automos.readers.bag_file import LARGEST, BagFile
+from automos.readers.bag_messages import LARGEST, BagFile
 
 _AHEAD = 1 << 13
 """Bytes that are unpacked beyond what is asked for at first: a message's header is read in pieces."""

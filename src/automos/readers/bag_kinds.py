@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.readers.bag_chunks import Chunk, ChunkedFile, exactly
-from automos.readers.bag_file import LARGEST, BagFile, Topic, type_name
+from automos.readers.bag_messages import LARGEST, BagFile, Topic, type_name
 from automos.readers.formats import import_extra
 
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _INDEX = range(2, 8)

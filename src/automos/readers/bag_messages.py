@@ -1,4 +1,4 @@
-"""Messages that hold the points of a LiDAR: which types are read, what their headers say, and their columns.
+"""What a bag holds: files of topics, and messages with the points of a LiDAR, of which types, with which columns.
 
 The definitions of these types are known and have not changed, so those that a bag carries along are not needed: some
 recorders leave them empty, or write a name in their place. Nor are they to leave points out: decoding and encoding a
@@ -9,19 +9,71 @@ import re
 import struct
 import zlib
 from functools import cache
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.readers import foxglove_cloud, livox_message
-from automos.readers.bag_file import LARGEST, Topic
 from automos.readers.columns import Columns
 from automos.readers.formats import import_extra
 from automos.readers.packets.messages import TYPES as PACKETS
 from automos.readers.point_cloud2 import cloud_digest, header_frame, header_stamp, read_columns, shape_of
 from automos.readers.wire import Wire
+
+LARGEST = 1 << 30
+"""Bytes of a message, or of the chunk it is in, at most; the clouds of any sensor have a hundredth of that."""
+
+
+class Topic(NamedTuple):
+    """A topic's name, the type of its messages (sensor_msgs/msg/PointCloud2), and how they are packed (cdr, ros1)."""
+
+    name: str
+    kind: str
+    encoding: str
+
+
+class BagFile:
+    """The topics and messages of one file; each kind of file derives from it.
+
+    Attributes
+    ----------
+    fault : where the file was cut off, in a sentence; empty for a whole one.
+    """
+
+    def __init__(self, path: Path):
+        """Begin with no topics.
+
+        Raises
+        ------
+        InputError
+            Of those that derive from it: the file is of a version that is not read; others where it is damaged.
+        """
+        self.path, self.topics, self.fault = path, dict[int, Topic](), ""
+
+    def places(self, number: int) -> npt.NDArray[np.int64]:
+        """Return (N, 3) when each message of topic `number` was recorded (ns), its chunk, and where it begins there."""
+        raise NotImplementedError
+
+    def keep(self, numbers: set[int]) -> None:
+        """Forget the messages of all other topics, of which there may be millions."""
+
+    def read(self, chunk: int, place: int, most: int = LARGEST) -> bytes:
+        """Return the first `most` bytes, or all, of the message at a place."""
+        raise NotImplementedError
+
+    def size_of(self, chunk: int, place: int) -> int:
+        """Return how many bytes the message at a place has."""
+        raise NotImplementedError
+
+
+def type_name(name: str) -> str:
+    """Return the name of a message type as ROS 2 writes it: ROS 1 says sensor_msgs/PointCloud2."""
+    package, _, kind = name.rpartition("/")
+    return f"{package}/msg/{kind}" if package and not package.endswith("/msg") else name
+
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
 _OLD_CLOUD = "sensor_msgs/msg/PointCloud"

@@ -16,8 +16,7 @@ import numpy.typing as npt
 from automos.core.errors import InputError
 from automos.core.scan import Pose
 from automos.readers.bag import Bag
-from automos.readers.bag_file import Topic
-from automos.readers.bag_messages import CLOUD, PACKETS, TREES, decoded, head, head_size, is_of_points, is_raw
+from automos.readers.bag_messages import CLOUD, PACKETS, TREES, Topic, decoded, head, head_size, is_of_points, is_raw
 from automos.readers.stamped_poses import from_quaternions, poses_at
 
 _ODOMETRY = "nav_msgs/msg/Odometry"

@@ -6,18 +6,29 @@ taken as the sensor's. Many other recordings are published in this layout, so no
 HeLiMOS has the layout for each of four sensors, and labels for some of the scans: those in train, val and test.txt.
 SemanticPOSS has tag/*.tag beside, and classes of its own numbers. It says what things are, not whether they move: what
 cannot move is static; people, riders, cars and bikes have no truth.
+
+KITTI's tracking benchmark: training/velodyne/SSSS/*.bin, label_02/SSSS.txt, calib/SSSS.txt, oxts/SSSS.txt.
 """
 
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.errors import InputError
+from automos.core.geometry import inverse, transform
 from automos.core.labels import Label
-from automos.core.reading import is_there
+from automos.core.reading import is_there, read_text
+from automos.core.scan import Pose
+from automos.core.upright_boxes import Boxes
+from automos.readers.box_truth import DrawnBoxes, checked_boxes
 from automos.readers.files import natural_key
 from automos.readers.folder import FolderSequence
-from automos.readers.formats import Format
+from automos.readers.formats import Format, require_increasing
+from automos.readers.kitti_calibration import IMAGE_SIZE, PACKET, Calibration, Camera, KittiTruth, poses_from_packets
+from automos.readers.records import read_table
+from automos.readers.stamped_poses import sensor_poses
 
 _SCANS = "velodyne"
 
@@ -98,6 +109,105 @@ class SemanticPossSequence(KittiSequence):
         return (packed & np.uint32(0xFFFF0000)) | label.astype(np.uint32)
 
 
+_PERIOD = 0.1
+"""Seconds between scans; the benchmark gives no times."""
+_WORDS = (17, 18)
+"""Of a line about a box; some programs add a score."""
+
+
+def _find_tracking(path: Path) -> list[Path]:
+    """Return the sequences at `path`: itself, or those of a split or of the root, by name."""
+    if path.is_dir() and path.parent.name == "velodyne" and is_there(_calib_of(path)):
+        return [path]
+    root = path / "training" if (path / "training" / "velodyne").is_dir() else path
+    if not (root / "velodyne").is_dir():
+        return []
+    return sorted(p for p in (root / "velodyne").iterdir() if p.is_dir() and is_there(_calib_of(p)))
+
+
+def _calib_of(path: Path) -> Path:
+    return path.parent.parent / "calib" / f"{path.name}.txt"
+
+
+class KittiTrackingSequence(KittiTruth, FolderSequence):
+    """One sequence; scans are matched to labels and poses by their number."""
+
+    is_compensated = False
+    """Sweeps are as measured."""
+
+    def __init__(self, source: Path):
+        """List the scans in folder `source`."""
+        super().__init__(source, codec="bin")
+        self._frames = np.array([int(name) for name in self._names])
+
+    def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:
+        self._require_numbered(self.source)
+        times = _PERIOD * np.array([int(name) for name in self._names])
+        require_increasing(times, self._names, self.source)
+        return times
+
+    @cached_property
+    def reference_poses(self) -> Pose | None:
+        """(len, 4, 4) T_world_sensor from GPS and IMU; None without its packets."""
+        path = self._oxts
+        if not is_there(path):
+            return None
+        packets = read_table(path, PACKET, "poses")
+        if len(packets) <= self._frames.max():
+            raise InputError(f"{path} holds {len(packets)} poses, but there is a scan {self._names[-1]}; copy it again")
+        return sensor_poses(poses_from_packets(packets[self._frames], path), inverse(self._T_sensor_imu))
+
+    # ------------------------------------------------------------------------------------------------- files beside
+    def _beside(self, folder: str) -> Path:
+        return self.source.resolve().parent.parent / folder / f"{self.source.name}.txt"
+
+    @property
+    def _oxts(self) -> Path:
+        return self._beside("oxts")
+
+    @cached_property
+    def _calibration(self) -> Calibration:
+        return Calibration(_calib_of(self.source))
+
+    @cached_property
+    def _T_rectified_sensor(self) -> Pose:
+        R = self._calibration.transform("R_rect", "R0_rect", size=9)
+        return R @ self._calibration.transform("Tr_velo_cam", "Tr_velo_to_cam")
+
+    @cached_property
+    def _T_sensor_imu(self) -> Pose:
+        return self._calibration.transform("Tr_imu_velo", "Tr_imu_to_velo")
+
+    @cached_property
+    def _camera(self) -> Camera:
+        projection = self._calibration.row("P2", size=12).reshape(3, 4)
+        return self._T_rectified_sensor, projection, IMAGE_SIZE
+
+    @cached_property
+    def _drawn(self) -> DrawnBoxes | None:
+        path = self._beside("label_02")
+        if not is_there(path):
+            return None
+        try:
+            words = [line.split() for line in read_text(path).splitlines() if line.strip()]
+            if any(len(row) not in _WORDS for row in words):
+                raise ValueError("a line of another number of words")
+            objects = [row for row in words if row[2] != "DontCare"]
+            numbers = np.array([row[:2] for row in objects], np.int64).reshape(-1, 2)
+            table = np.array([row[10:17] for row in objects], np.float64).reshape(-1, 7)
+        except (OSError, ValueError, IndexError, OverflowError) as error:
+            raise InputError(f"{path} is not a file of KITTI's tracking labels ({error}); download it again") from None
+        in_camera = checked_boxes(table[:, 3:6], table[:, [2, 1, 0]], table[:, 6], path)
+        T_sensor_rectified = inverse(self._T_rectified_sensor)
+        # The box's place is the middle of its underside, the y-axis points down, and it is turned about that.
+        raised = in_camera.center - np.outer(0.5 * in_camera.size[:, 2], [0.0, 1.0, 0.0])
+        center = transform(T_sensor_rectified, raised)
+        turn = in_camera.yaw
+        heading = np.column_stack([np.cos(turn), np.zeros(len(turn)), -np.sin(turn)]) @ T_sensor_rectified[:3, :3].T
+        boxes = Boxes(center, in_camera.size, np.arctan2(heading[:, 1], heading[:, 0]), in_camera.score)
+        return self._in_scans(numbers[:, 0], numbers[:, 1] + 1, boxes)
+
+
 FORMATS = {
     "kitti": Format(
         layout="KITTI's layout (odometry, SemanticKITTI): velodyne/, and where present poses.txt, calib.txt, times.txt",
@@ -117,5 +227,11 @@ FORMATS = {
         truth="static classes of labels/*.label; what moves is not labelled",
         find=_find_semanticposs,
         open=SemanticPossSequence,
+    ),
+    "kitti_tracking": Format(
+        layout="KITTI tracking: training/velodyne/SSSS/, calib/SSSS.txt, label_02/, oxts/",
+        truth="label_02/SSSS.txt, where the left colour camera sees",
+        find=_find_tracking,
+        open=KittiTrackingSequence,
     ),
 }

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from automos.readers import bag_messages
 from automos.readers.bag import Bag, reported
-from automos.readers.bag_file import Topic
+from automos.readers.bag_messages import Topic
 from automos.readers.columns import Columns, coordinates
 from automos.readers.packets.decode import Decoder, make_decoder
 from automos.readers.packets.messages import as_datagrams, read_packets, rows_of_scans

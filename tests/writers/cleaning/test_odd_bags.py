@@ -12,8 +12,7 @@ from street_log import street_log
 from automos.core.errors import InputError
 from automos.core.geometry import transform
 from automos.readers import open_sequence
-from automos.readers.bag_file import Topic
-from automos.readers.bag_messages import PACKETS
+from automos.readers.bag_messages import PACKETS, Topic
 from automos.writers.cleaning.bags import require_rewritable
 from automos.writers.cleaning.clean import Choice, clean
 
