@@ -5,7 +5,7 @@ from worlds import Block
 
 from automos.core.beam_pattern import learn_pattern
 from automos.core.range_image import find_neighbours, make_image, project
-from automos.evidence.look_through import BLOCKED, EDGE, HIT, THROUGH, UNSEEN, WEAK, look_through
+from automos.evidence.look_through import BENEATH, BLOCKED, EDGE, HIT, THROUGH, UNSEEN, WEAK, look_through
 
 TOLERANCES = tuple(np.float32(x) for x in (0.2, 0.005, 0.25, 0.005, 0.2))
 NO_MOTION = np.zeros(6, np.float32)
@@ -51,8 +51,12 @@ def test_right_beside_a_post_is_only_weakly_through(wall_and_post):
 
 def test_the_ground_is_hit_and_a_hand_above_it_is_not_observed_free(wall_and_post):
     on_ground, above = looks(wall_and_post, (8.0, 0.0, 0.0), (8.0, 0.0, 0.12))
-    assert on_ground == HIT
-    assert above != THROUGH
+    assert on_ground == above == BENEATH
+
+
+def test_the_ground_beneath_a_place_is_not_the_place_however_far_apart_the_rows_are(wall_and_post):
+    # The row below the one through (15, 0, 0.5) meets the ground at that range.
+    assert looks(wall_and_post, (15.0, 0.0, 0.5)) != [HIT]
 
 
 def test_a_thing_that_returns_nothing_is_not_observed_free_by_rays_over_its_roof():

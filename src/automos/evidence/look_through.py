@@ -1,8 +1,9 @@
 """What one scan reports on the places of another's points: observed free, hit, or nothing.
 
 A place was *observed free* if the rays around it went on behind it and nothing but ground was nearer within a given
-width, *weakly* if only the rays directly beside it did. It was *hit* if one of these rays ended at its range. Rays that
-ended in front of it (occluded) report nothing; neither do missing returns, which have too many causes.
+width, *weakly* if only the rays directly beside it did. It was *hit* if one of these rays ended at its range; if only
+rays that met the ground did, that is *beneath* the place, as rows of rays are far apart. Rays that ended in front of it
+(occluded) report nothing; neither do missing returns, which have too many causes.
 """
 
 import numpy as np
@@ -12,7 +13,7 @@ from automos.core.kernels import kernel
 from automos.core.range_image import UNIT
 from automos.settings import FreeSpaceSettings
 
-UNSEEN, BLOCKED, EDGE, HIT, WEAK, THROUGH = range(6)
+UNSEEN, BLOCKED, EDGE, BENEATH, HIT, WEAK, THROUGH = range(7)
 _BLOCK = 512
 _FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}  # fast arithmetic, but for flags that assume finite numbers
 
@@ -64,7 +65,7 @@ def look_through(points, T, image, tolerances):  # type: ignore[no-untyped-def]
             if q - tolerance > far:
                 codes[i] = BLOCKED
             elif q + tolerance >= near and (far - near < tolerance or _is_hit(image.rays, v, u, q, tolerance)):
-                codes[i] = HIT
+                codes[i] = HIT if q + tolerance >= np.float32(image.clear[v * w + u]) else BENEATH
             elif behind >= np.float32(image.clear[v * w + u]) or not _is_surrounded(image.rays, v, u, behind):
                 codes[i] = EDGE
             else:

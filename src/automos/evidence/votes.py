@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from automos.core.kernels import kernel
 from automos.evidence.ground import MAX_STEP
-from automos.evidence.look_through import HIT, THROUGH, WEAK
+from automos.evidence.look_through import BENEATH, HIT, THROUGH, WEAK
 
 Votes = npt.NDArray[np.int8]
 ONE = 64  # a full vote; votes are stored as int8 in fractions of it to save memory
@@ -20,9 +20,10 @@ ONE = 64  # a full vote; votes are stored as int8 in fractions of it to save mem
 def weigh_looks(codes, ranges, own_ranges, heights, trusts, row_height):  # type: ignore[no-untyped-def]
     """Return one scan's report on each point as a vote: -ONE for a hit, up to ONE for observed free, 0 for nothing.
 
-    A free-space observation counts less if the other sensor was more than twice as far away (its rays are sparser than
-    the point's own), and if the point is lower above the ground than two rows (a ray may have grazed the ground). A
-    weak observation counts only if the other sensor was about as far away as the point's own, or farther.
+    Ground beneath a place is a hit if the place is so low that it may be ground itself. A free-space observation counts
+    less if the other sensor was more than twice as far away (its rays are sparser than the point's own), and if the
+    point is lower above the ground than two rows (a ray may have grazed the ground). A weak observation counts only if
+    the other sensor was about as far away as the point's own, or farther.
 
     Parameters
     ----------
@@ -35,7 +36,7 @@ def weigh_looks(codes, ranges, own_ranges, heights, trusts, row_height):  # type
     """
     votes = np.zeros(len(codes), np.int8)
     for i in range(len(codes)):
-        if codes[i] == HIT:
+        if codes[i] == HIT or (codes[i] == BENEATH and heights[i] < MAX_STEP):
             votes[i] = -ONE
         elif codes[i] == THROUGH or codes[i] == WEAK:
             ratio = ranges[i] / max(own_ranges[i], 1.0)
