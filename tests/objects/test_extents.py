@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from automos.core.upright_boxes import Boxes
-from automos.objects.extents import boxed_intervals, make_whole
+from automos.objects.extents import Intervals, boxed_intervals, make_whole
 from automos.objects.tracks import Tracks
 
 
@@ -14,15 +14,20 @@ def rows(n: int, center: np.ndarray) -> Tracks:
     )
 
 
-def made_whole(own: Boxes, origin: np.ndarray) -> Tracks:
+def nothing_hidden(n: int) -> np.ndarray:
+    return np.zeros((n, 2), np.bool_)
+
+
+def made_whole(own: Boxes, origin: np.ndarray, hidden: np.ndarray | None = None) -> Tracks:
     """Return the whole boxes of a body of which each scan shows one of the boxes `own`, ten scans a second."""
     tracks = rows(len(own), own.center.copy())
+    hidden = nothing_hidden(len(own)) if hidden is None else hidden
     make_whole(
         tracks,
         np.ones(1, np.bool_),
         0.1 * np.arange(len(own)),
         lambda body: own[body.scan],
-        lambda body, boxes: boxed_intervals(body, boxes, origin),
+        lambda body, boxes: boxed_intervals(body, boxes, origin, hidden[body.scan]),
     )
     return tracks
 
@@ -32,7 +37,7 @@ def test_the_interval_of_a_box_is_its_length_along_its_heading_and_its_width_alo
     own = Boxes(np.array([[10.0, 2.0, 1.0]]), np.array([[4.0, 2.0, 1.5]]), np.array([0.3]), np.ones(1))
     track = rows(1, np.array([[9.0, 2.0, 1.0]]))
     track.yaw[:] = 0.3 + turn
-    low, high, _ = boxed_intervals(track, own, np.zeros((1, 3)))
+    low, high, *_ = boxed_intervals(track, own, np.zeros((1, 3)), nothing_hidden(1))
     half = 0.5 * np.array([4.0, 2.0, 1.5] if abs(np.cos(turn)) > 0.5 else [2.0, 4.0, 1.5])
     np.testing.assert_allclose(0.5 * (high - low)[0], half)
     angle = 0.3 + turn  # the box is a metre ahead of the track along x
@@ -44,7 +49,7 @@ def test_the_place_of_the_sensor_is_told_along_the_heading():
     track.yaw[:] = 0.5 * np.pi
     own = Boxes(track.center, np.ones((2, 3)), np.zeros(2), np.ones(2))
     np.testing.assert_allclose(
-        boxed_intervals(track, own, np.array([[0.0, 0.0, 0.0], [2.0, 3.0, 1.0]]))[2],
+        boxed_intervals(track, own, np.array([[0.0, 0.0, 0.0], [2.0, 3.0, 1.0]]), nothing_hidden(2)).origin,
         [[0.0, 10.0, -1.0], [3.0, 10.0, 0.0]],
         atol=1e-12,
     )
@@ -62,6 +67,22 @@ def test_a_car_that_stands_has_no_velocity_though_its_front_comes_into_sight_and
     np.testing.assert_allclose(found.center[30:, 0], 12.0, atol=0.1)
 
 
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_car_that_drives_out_from_behind_something_keeps_its_velocity_as_its_own_end_is_seen(side):
+    # Seen from its side it comes out at x = 0, whole after a second: first its front, then all of it.
+    n, length = 40, 4.0
+    front = side * (0.4 * np.arange(1, n + 1))
+    rear = np.where(side * front < length, 0.0, front - side * length)
+    center = np.column_stack([0.5 * (front + rear), np.full(n, 10.0), np.full(n, 0.8)])
+    own = Boxes(center, np.column_stack([np.abs(front - rear), np.full((n, 2), (1.8, 1.5))]), np.zeros(n), np.ones(n))
+    hidden = nothing_hidden(n)
+    hidden[:9, 0 if side > 0.0 else 1] = True  # the sensor is at the origin, so what is at less x is to its left
+    found = made_whole(own, np.zeros((n, 3)), hidden)
+    np.testing.assert_allclose(found.velocity[:, 0], 4.0 * side, atol=0.2)
+    np.testing.assert_allclose(found.center[:, 0], front - 0.5 * side * length, atol=0.15)
+    assert np.abs(made_whole(own, np.zeros((n, 3))).velocity[:5, 0] - 4.0 * side).max() > 1.0  # without that
+
+
 def test_what_a_body_never_showed_is_behind_it_and_moves_it_not_as_the_sensor_passes():
     n = 60
     own = Boxes(np.tile([0.0, 5.0, 0.9], (n, 1)), np.tile([0.2, 0.2, 1.7], (n, 1)), np.zeros(n), np.ones(n))
@@ -76,7 +97,11 @@ def test_what_does_not_move_keeps_its_box_at_rest():
     tracks = rows(3, np.zeros((3, 3)))
     tracks.velocity[:] = 2.0
     make_whole(
-        tracks, np.zeros(1, np.bool_), np.arange(3.0), lambda body: body.boxes, lambda body, _: (body.center,) * 3
+        tracks,
+        np.zeros(1, np.bool_),
+        np.arange(3.0),
+        lambda body: body.boxes,
+        lambda body, _: Intervals(body.center, body.center, body.center, nothing_hidden(len(body.track))),
     )
     assert not tracks.velocity.any()
     np.testing.assert_array_equal(tracks.size, 1.0)

@@ -31,6 +31,8 @@ class Detections:
         Metres from the ground to its lowest point.
     solidity : (M,) float64
         In [0, 1], mean over its points of the share of adjacent rays that ended beside the point.
+    hidden : (M, 2) bool
+        Whether something nearer is beside its left and its right end, seen from the sensor.
     """
 
     boxes: Boxes
@@ -41,6 +43,7 @@ class Detections:
     part_of: npt.NDArray[np.int32]
     lift: npt.NDArray[np.float64]
     solidity: npt.NDArray[np.float64]
+    hidden: npt.NDArray[np.bool_]
 
     def __len__(self) -> int:
         return len(self.boxes)
@@ -61,13 +64,15 @@ class Detections:
         n_static: npt.NDArray[np.float64],
         lift: npt.NDArray[np.float64] | None = None,
         solidity: npt.NDArray[np.float64] | None = None,
+        hidden: npt.NDArray[np.bool_] | None = None,
     ) -> Detections:
         """Return segments that may all be objects, none a part of another; by default solid and on the ground."""
         n = len(boxes)
         lift = np.zeros(n) if lift is None else lift
         solidity = np.ones(n) if solidity is None else solidity
+        hidden = np.zeros((n, 2), np.bool_) if hidden is None else hidden
         nothing_stayed, whole = np.zeros(n, np.bool_), np.full(n, -1, np.int32)
-        return Detections(boxes, n_points, n_moving, n_static, nothing_stayed, whole, lift, solidity)
+        return Detections(boxes, n_points, n_moving, n_static, nothing_stayed, whole, lift, solidity, hidden)
 
     @staticmethod
     def nothing() -> Detections:

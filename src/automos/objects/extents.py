@@ -8,6 +8,7 @@ the body's life are its extent, and the face towards the sensor says where the b
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +29,7 @@ SIDE = 0.2  # metres, standard deviation of the end of a side about the other
 AROUND = 0.5  # seconds before and after a scan over which directions of motion are averaged
 SHOWN = 0.9  # quantile of the intervals of all scans that is the extent: single scans are joined with others' points
 ROUNDS = 2  # the heading needs centres, the centres a heading
+ASKEW = 0.5  # sine of the angle to the line of sight, from which on a body's end is at its left or right side
 STRAY = 0.02  # share of a body's points in a scan, on either side, that are on mirrors and the like
 
 
@@ -41,8 +43,13 @@ class Scans:
     instances: Stage
 
 
-Intervals = tuple[Array, Array, Array]
-"""What bodies show in each row of a table: see `shown_intervals`."""
+class Intervals(NamedTuple):
+    """What bodies show in each row of a table, about the centre of its box; NaN where there are no points."""
+
+    low: Array  # (R, 3) metres, ends of the points along, across and above the box
+    high: Array  # (R, 3) metres
+    origin: Array  # (R, 3) metres, place of the sensor in these coordinates
+    hidden: npt.NDArray[np.bool_]  # (R, 2) whether something nearer hides what is left and right of the points
 
 
 def make_whole(
@@ -76,14 +83,14 @@ def _whole_boxes(
     measured, yaw, length = boxes.center, np.nan_to_num(boxes.yaw), np.nan_to_num(boxes.size[:, 0])
     for _ in range(ROUNDS):
         body = _along(body, first, times, measured, yaw, length)
-        low, high, origin = shown(body, boxes)
-        body = replace(body, size=extents(first, low, high))
-        measured = centers(body, low, high, origin)
+        seen = shown(body, boxes)
+        body = replace(body, size=extents(first, seen.low, seen.high))
+        measured = centers(body, seen)
     # What is added to what a body showed lies behind it: its place there changes with the place of the sensor.
     speed = np.hypot(*body.velocity[:, :2].T)
     fastest = _usual(first, speed)
     whole = replace(body, size=np.repeat(whole_extent(body.size[first[:-1]], fastest), np.diff(first), axis=0))
-    behind = centers(whole, low, high, origin) - measured
+    behind = centers(whole, seen) - measured
     body = _along(body, first, times, measured, yaw, length)
     return replace(body, size=whole.size, center=body.center + smooth_paths(first, times, behind)[0])
 
@@ -127,43 +134,46 @@ def headings(first: Rows, times: Array, velocity: Array, variance: Array, yaw: A
 
 
 def shown_intervals(tracks: Tracks, scans: Scans, parts: Tracks, workers: int) -> Intervals:
-    """Return low and high ends (R, 3) of the points of each row about its box's centre, along, across and above it.
-
-    Third is the place of the sensor (R, 3) in these coordinates. All are NaN in scans without points.
-    """
+    """Return what the points of each row show, those of all its `parts`."""
     rows_of, parts_of = tracks.rows_by_scan(len(scans.names)), parts.rows_by_scan(len(scans.names))
-    out = np.full((3, len(tracks.track), 3), np.nan)
+    out, hidden = np.full((3, len(tracks.track), 3), np.nan), np.zeros((len(tracks.track), 2), np.bool_)
 
     def look(i: int) -> None:
-        frame, ids = scans.frames[i], scans.instances.load(scans.names[i], "ids", "stayed")
-        owner = tracks_of_points(ids["ids"], ids["stayed"], parts[parts_of[i]])
+        frame, about = scans.frames[i], scans.instances.load(scans.names[i], "ids", "stayed", "hidden")
+        owner = tracks_of_points(about["ids"], about["stayed"], parts[parts_of[i]])
+        segment = np.where(about["ids"] >= 0, about["ids"], about["stayed"])
         mine = np.flatnonzero(owner >= 0)
         mine = mine[np.argsort(owner[mine], kind="stable")]
         begins = np.searchsorted(owner[mine], tracks.track[rows_of[i]])
         ends = np.searchsorted(owner[mine], tracks.track[rows_of[i]], side="right")
         for row, begin, end in zip(rows_of[i], begins, ends, strict=True):
             if end > begin:
-                points = np.vstack([frame.points_level[mine[begin:end]], frame.origin_level])
+                own = mine[begin:end]
+                points = np.vstack([frame.points_level[own], frame.origin_level])
                 local = _turned(points - tracks.center[row], -tracks.yaw[row])
                 out[0, row], out[1, row], out[2, row] = local[:-1].min(axis=0), local[:-1].max(axis=0), local[-1]
                 out[:2, row, 1] = np.quantile(local[:-1, 1], (STRAY, 1.0 - STRAY))
+                turn = local[:-1, :2] @ _to_the_left(local[:-1, :2].mean(axis=0) - local[-1, :2])
+                for side, at in enumerate((turn.argmax(), turn.argmin())):
+                    hidden[row, side] = about["hidden"][segment[own[at]], side]
 
     asked = [i for i in range(len(scans.names)) if len(parts_of[i])]
     for _ in map_in_order(look, asked, workers, threads=True):
         pass
-    return out[0], out[1], out[2]
+    return Intervals(out[0], out[1], out[2], hidden)
 
 
-def boxed_intervals(tracks: Tracks, own: Boxes, origin: Array) -> Intervals:
-    """Return what `shown_intervals` does, from the boxes of the segments of all rows.
+def boxed_intervals(tracks: Tracks, own: Boxes, origin: Array, hidden: npt.NDArray[np.bool_]) -> Intervals:
+    """Return what the segments of all rows show, of which only the boxes are known.
 
-    origin : (N, 3) metres, the place of the sensor in each scan.
+    origin : (N, 3) metres, the place of the sensor in each scan.   hidden : (R, 2) see `Intervals`.
     """
     c, s = np.abs(np.cos(own.yaw - tracks.yaw)), np.abs(np.sin(own.yaw - tracks.yaw))
     length, width, height = 0.5 * own.size.T
     half = np.stack([c * length + s * width, s * length + c * width, height], axis=-1)
     center = _turned(own.center - tracks.center, -tracks.yaw)
-    return center - half, center + half, _turned(origin[tracks.scan] - tracks.center, -tracks.yaw)
+    local = _turned(origin[tracks.scan] - tracks.center, -tracks.yaw)
+    return Intervals(center - half, center + half, local, hidden)
 
 
 def extents(first: Rows, low: Array, high: Array) -> Array:
@@ -183,15 +193,28 @@ def _usual(first: Rows, values: Array) -> Array:
     return np.where(n > 0, between, np.nan)
 
 
-def centers(tracks: Tracks, low: Array, high: Array, origin: Array) -> Array:
-    """Return (R, 3) the centres of the boxes whose faces towards the sensor, and whose tops, are those seen."""
-    half = 0.5 * tracks.size
-    middle = 0.5 * (low + high)
-    towards_high, towards_low = origin > high, origin < low
-    towards_high[:, 2], towards_low[:, 2] = True, False  # the ground hides what is low
-    is_hidden = high - low < tracks.size
-    center = np.where(is_hidden & towards_high, high - half, np.where(is_hidden & towards_low, low + half, middle))
+def centers(tracks: Tracks, seen: Intervals) -> Array:
+    """Return (R, 3) the centres of the boxes whose faces towards the sensor, and whose tops, are those seen.
+
+    What is seen of a body behind something nearer ends where that does; its other end is its own.
+    """
+    low, high, origin, hidden = seen
+    half, middle = 0.5 * tracks.size, 0.5 * (low + high)
+    from_high, from_low = origin > high, origin < low
+    from_high[:, 2], from_low[:, 2] = True, False  # the ground hides what is low
+    left = _to_the_left(middle[:, :2] - origin[:, :2])
+    is_low_hidden = hidden[:, :1] & (left < -ASKEW) | hidden[:, 1:] & (left > ASKEW)
+    is_high_hidden = hidden[:, :1] & (left > ASKEW) | hidden[:, 1:] & (left < -ASKEW)
+    from_high[:, :2] = (from_high[:, :2] | is_low_hidden) & ~is_high_hidden
+    from_low[:, :2] = (from_low[:, :2] | is_high_hidden) & ~is_low_hidden
+    is_short = high - low < tracks.size
+    center = np.where(is_short & from_high, high - half, np.where(is_short & from_low, low + half, middle))
     return tracks.center + _turned(center, tracks.yaw)
+
+
+def _to_the_left(away: Array) -> Array:
+    """Return (..., 2) the unit vectors to the left of the lines of sight `away` (..., 2)."""
+    return np.stack([-away[..., 1], away[..., 0]], axis=-1) / np.hypot(away[..., :1], away[..., 1:]).clip(1e-6)
 
 
 def _turned(points: Array, angle: npt.ArrayLike) -> Array:

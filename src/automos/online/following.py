@@ -8,7 +8,6 @@ remain that a track moves and has moved; so what has moved is called moving, how
 import copy
 from collections import deque
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +16,7 @@ import numpy.typing as npt
 from automos.core.scan import Mask
 from automos.core.upright_boxes import Boxes
 from automos.objects.detections import Detections
-from automos.objects.extents import boxed_intervals, make_whole
+from automos.objects.extents import Intervals, boxed_intervals, make_whole
 from automos.objects.judge import Past, is_scenery, judge_tracks, moving_now, past_of
 from automos.objects.terms import Segments, SegmentTerms, each_for_itself, segment_terms
 from automos.objects.tracker import Tracker, can_follow, until_last_seen
@@ -185,12 +184,16 @@ def _make_whole(
 ) -> None:
     """Give what moves whole boxes, in place, from the boxes of the segments: of points there are none any more."""
     boxes = Boxes.concatenate([step.found.segments.boxes for step in steps])
+    hidden = np.concatenate([step.found.segments.hidden for step in steps])
     origin = np.array([step.found.origin for step in steps])
 
     def own(body: Tracks) -> Boxes:
         return Boxes(*(of_rows(segments.of(body), column) for column in boxes.to_arrays().values()))
 
-    make_whole(tracks, is_moving, stamps, own, partial(boxed_intervals, origin=origin))
+    def shown(body: Tracks, boxes: Boxes) -> Intervals:
+        return boxed_intervals(body, boxes, origin, of_rows(segments.of(body), hidden) == 1.0)
+
+    make_whole(tracks, is_moving, stamps, own, shown)
 
 
 def _through(steps: list[_Step], scan: int) -> tuple[Tracks, npt.NDArray[np.int64]]:

@@ -1,0 +1,67 @@
+"""Which sides of a segment are hidden: where it ends, something nearer to the sensor begins.
+
+What is seen of a body then ends where the nearer thing does, and not where the body does.
+"""
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.cells import turn_of
+from automos.core.kernels import kernel
+from automos.core.range_image import SUPPORT, SUPPORT_PER_METRE
+
+_LEAST_STEP = 0.003  # radians: finer grids only take longer
+_COLUMNS = 3  # of a segment that are its edge, and beside it that are looked at
+
+
+def hidden_sides(
+    ids: npt.NDArray[np.int32], points: npt.NDArray, ray_steps: tuple[float, float], n: int
+) -> npt.NDArray[np.bool_]:
+    """Return (n, 2) whether something nearer is beside most of the left and of the right edge of segments 0 ... n - 1.
+
+    ids : (M,) segment of each point, -1 for none.   points : (M, 3) metres, z up, relative to the sensor.
+    ray_steps : (2,) radians between neighbouring rays, vertically and horizontally.
+    """
+    row_height, column_width = (max(float(step), _LEAST_STEP) for step in ray_steps)
+    n_columns = int(2.0 * np.pi / column_width)
+    flat = np.hypot(points[:, 0], points[:, 1])
+    row = np.floor(np.arctan2(points[:, 2], flat) / row_height).astype(np.int32)
+    row -= row.min(initial=0)
+    return _hidden_sides(ids, points, row, n_columns, int(row.max(initial=0)) + 1, n)
+
+
+@kernel
+def _hidden_sides(ids, points, row, n_columns, n_rows, n):  # type: ignore[no-untyped-def]
+    nearest = np.full((n_rows, n_columns), np.float32(np.inf))
+    column, ranges = np.empty(len(ids), np.int32), np.empty(len(ids), np.float32)
+    start, ends = np.full(n, -1, np.int32), np.zeros((n, 2), np.int32)
+    for i in range(len(ids)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        ranges[i] = np.sqrt(x * x + y * y + z * z)
+        column[i] = int(turn_of(x, y) * np.float32(n_columns)) % n_columns
+        nearest[row[i], column[i]] = min(nearest[row[i], column[i]], ranges[i])
+        s = ids[i]
+        if s >= 0:
+            if start[s] < 0:
+                start[s] = column[i]
+            # Columns about the first point's, as a segment may lie across the end of the turn.
+            off = (column[i] - start[s] + n_columns + n_columns // 2) % n_columns - n_columns // 2
+            ends[s, 0], ends[s, 1] = max(ends[s, 0], off), min(ends[s, 1], off)
+    seen, hidden = np.zeros((n, 2)), np.zeros((n, 2))
+    for i in range(len(ids)):
+        s = ids[i]
+        if s < 0:
+            continue
+        off = (column[i] - start[s] + n_columns + n_columns // 2) % n_columns - n_columns // 2
+        nearer = ranges[i] - np.float32(SUPPORT) - np.float32(SUPPORT_PER_METRE) * ranges[i]
+        for side in range(2):
+            if abs(ends[s, side] - off) >= _COLUMNS:
+                continue
+            step, is_behind = 1 if side == 0 else -1, False
+            for k in range(1, _COLUMNS + 1):
+                u = (start[s] + ends[s, side] + step * k + n_columns) % n_columns
+                for v in range(max(row[i] - 1, 0), min(row[i] + 2, n_rows)):
+                    is_behind |= nearest[v, u] < nearer
+            seen[s, side] += 1.0
+            hidden[s, side] += is_behind
+    return hidden > 0.5 * seen
