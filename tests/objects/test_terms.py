@@ -105,6 +105,23 @@ def test_an_edge_that_is_nothing_but_a_piece_speaks_for_its_whole():
     assert found.terms.evidence.tolist() == seen.terms.evidence.tolist()
 
 
+def test_an_edge_with_which_a_body_sets_off_speaks_for_it_though_it_goes_on_alone():
+    alone = segments((300, 300, 0))
+    seen = Segments.of_scans([segment_terms(found) for found in (PASSED, alone, alone)])
+    found = each_for_itself(seen, tracks((0, 0, 0), (1, 0, 1), (1, 1, 0), (1, 2, 0)))
+    assert found.terms.evidence.tolist() == seen.terms.evidence.tolist()
+
+
+def test_what_stood_there_before_is_the_body_itself_and_its_edge_speaks_for_it():
+    stood, alone = segments((700, 0, 700)), segments((300, 300, 0))
+    stood.has_stayed[:] = True
+    scans = [segment_terms(found) for found in (stood, PASSED, alone)]
+    seen = Segments.of_scans(scans)
+    found = each_for_itself(seen, tracks((0, 1, 0), (1, 0, 0), (1, 1, 1), (1, 2, 0)))
+    assert found.terms.evidence.tolist() == seen.terms.evidence.tolist()
+    assert found.terms.evidence[1] > found.terms.evidence[0]
+
+
 def test_segments_are_numbered_from_scan_to_scan():
     nothing, one = segment_terms(Detections.nothing()), segment_terms(segments((9, 0, 0)))
     seen = Segments.of_scans([one, nothing, segment_terms(PASSED)])

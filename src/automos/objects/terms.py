@@ -112,13 +112,15 @@ def segment_terms(found: Detections, is_asked: bool = True) -> SegmentTerms:
 def each_for_itself(segments: Segments, tracks: Tracks) -> Segments:
     """Return `segments` in which no point speaks for two things: for a mover, and for what it was cut out of.
 
-    A piece is a thing of its own if its track is no piece in most of its scans, as who passes a parked car closely. The
-    moved edges of a lorry are never anything else.
+    A piece is a thing of its own if its track came there from elsewhere and is no piece in most of its scans, as who
+    passes a parked car closely. The moved edges of a lorry are never anything else; what begins as a piece, or stood
+    there, is the body itself that sets off.
     """
     terms, segment = segments.terms, segments.of(tracks)
     is_piece = np.append(terms.part_of, -1)[segment] >= 0
     n_seen, n_as_piece = (np.bincount(tracks.track, rows, len(tracks)) for rows in (tracks.is_observed, is_piece))
-    is_own = n_as_piece < 0.5 * n_seen
+    first = tracks.first_rows()
+    is_own = (n_as_piece < 0.5 * n_seen) & ~is_piece[first] & ~np.append(terms.has_stayed, False)[segment[first]]
     pieces = segment[is_piece & is_own[tracks.track]]
     wholes, of_piece = np.unique(terms.part_of[pieces], return_inverse=True)
     lent, counts = np.zeros((len(wholes), 3)), terms.counts[wholes].astype(np.float64)
