@@ -30,6 +30,17 @@ def test_parts_nearer_than_the_gap_are_one():
     assert set(a.tolist()) == set(b.tolist())
 
 
+@pytest.mark.parametrize("shift", np.linspace(0.0, 0.25, 6))
+@pytest.mark.parametrize("turn", [0.0, 0.7, 1.5])
+def test_the_gap_is_that_between_points_wherever_the_borders_of_cells_are(shift, turn):
+    c, s = np.cos(turn), np.sin(turn)
+    walls = [cloud(5.0 + shift, y, half=0.04, step=0.04) for y in (0.0, 0.08 + 0.7 * S.gap, 0.16 + 2.3 * S.gap)]
+    turned = [(wall @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])).astype(np.float32) for wall in walls]
+    _, (a, b, far) = segments(*turned)
+    assert set(a.tolist()) == set(b.tolist())
+    assert set(far.tolist()).isdisjoint(a.tolist())
+
+
 def test_a_crown_and_the_car_beneath_it_are_two():
     _, (car, crown) = segments(cloud(6, 0, high=1.5), cloud(6, 0, low=2.6, high=4.0))
     assert set(car.tolist()).isdisjoint(crown.tolist())

@@ -13,7 +13,7 @@ class SegmentSettings(Group):
 
     cell: float = Field(0.25, gt=0, description="m, side of a cell in the ground plane; larger cells are coarser")
     max_range: float = Field(120.0, gt=0, description="m, half the side of the segmented area; more reaches farther")
-    gap: float = Field(0.5, gt=0, description="m, horizontal gap between segments; larger values join neighbours")
+    gap: float = Field(0.4, gt=0, description="m, horizontal gap between segments; larger values join neighbours")
     gap_columns: float = Field(
         2.5, ge=0, description="the gap in spacings of neighbouring rays, if that is more; larger values join more"
     )
