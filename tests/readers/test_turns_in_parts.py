@@ -6,7 +6,7 @@ from bags import cloud, write_bag
 from sweeps import pose, sweep
 
 from automos.readers import open_sequence
-from automos.readers.point_times import joined, parts_in_a_turn, places_in_time
+from automos.readers.turns import joined, parts_in_a_turn, places_in_time
 
 N_TURNS = 6
 

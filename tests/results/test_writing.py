@@ -21,7 +21,7 @@ from automos.objects.verdict import Verdict, Verdicts
 from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.trajectory import Trajectory
 from automos.pipeline import Found
-from automos.results import claiming
+from automos.results import point_files
 from automos.results.tracks_file import track_entries
 from automos.results.writing import write_results
 from automos.settings import load_settings
@@ -197,7 +197,7 @@ def test_labels_of_another_run_are_removed_before_the_first_new_one_is_written(f
     (folder / "predictions" / "000099.label").write_bytes(b"")
     (folder / "probabilities").mkdir()  # of automos segment with a network
     (folder / "probabilities" / "000000.npy").write_bytes(b"")
-    monkeypatch.setattr(claiming, "write_raw", full_disk)
+    monkeypatch.setattr(point_files, "write_raw", full_disk)
     with pytest.raises(InputError, match="No space left"):
         write_results(folder, SEQUENCE, result, settings)
     # two of three are new, none is old, and no run.json vouches for them
@@ -207,7 +207,7 @@ def test_labels_of_another_run_are_removed_before_the_first_new_one_is_written(f
 
 
 def test_labels_of_the_same_run_stay_while_they_are_written_again(folder, monkeypatch):
-    monkeypatch.setattr(claiming, "write_raw", full_disk)
+    monkeypatch.setattr(point_files, "write_raw", full_disk)
     with pytest.raises(InputError, match="No space left"):
         write_results(folder, SEQUENCE, make_result(), PAPER)
     assert list(read_labels(folder)) == SEQUENCE.names

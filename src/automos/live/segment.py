@@ -22,7 +22,8 @@ from automos.core.workspace import RUN_FILE
 from automos.labeler import Labeler, LabelledScan
 from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.trajectory import Trajectory
-from automos.results.claiming import claimed, count_points, no_points, write_points
+from automos.results.claiming import claimed
+from automos.results.point_files import count_points, no_points, write_points
 from automos.results.tracks_file import box_entry
 from automos.results.writing import about, write_tables
 from automos.settings import Settings

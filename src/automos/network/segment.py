@@ -17,7 +17,8 @@ from automos.core.workspace import RUN_FILE
 from automos.live.segment import stamped
 from automos.network.deployed import Deployed, load_network
 from automos.network.online import STAGES, OnlineSegmenter
-from automos.results.claiming import claimed, count_points, no_points, write_points
+from automos.results.claiming import claimed
+from automos.results.point_files import count_points, no_points, write_points
 from automos.results.writing import about
 from automos.settings import Settings, dump_yaml
 

@@ -21,13 +21,14 @@ from automos.readers.codecs import LAYOUTS, is_columns, parse_columns, read_colu
 from automos.readers.column_names import has_time
 from automos.readers.columns import Columns, coordinates, sensor_column, time_column, to_scan
 from automos.readers.formats import Format
-from automos.readers.point_times import PointTimes, judge_times, parts_said, sweep_starts
+from automos.readers.point_times import PointTimes, judge_times, sweep_starts
 from automos.readers.record_layout import find_columns
 from automos.readers.scan_times import read_times, times_file
 from automos.readers.sensor_place import find_frame, frame_said, read_viewpoints
 from automos.readers.stamped_poses import FILE as MOUNTS
 from automos.readers.stamped_poses import read_mounts
 from automos.readers.time_order import put_in_order, put_in_seen_order, usual_step
+from automos.readers.turns import parts_said
 from automos.readers.units import unit_of
 
 

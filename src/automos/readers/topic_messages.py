@@ -14,8 +14,9 @@ from automos.readers.columns import Columns, coordinates
 from automos.readers.packets.decode import Decoder, make_decoder
 from automos.readers.packets.messages import as_datagrams, read_packets, rows_of_scans
 from automos.readers.point_cloud2 import EMPTY, points_counted
-from automos.readers.point_times import Parts, joined, judge_times, parts_in_a_turn, places_in_time
+from automos.readers.point_times import judge_times
 from automos.readers.time_order import usual_step
+from automos.readers.turns import Parts, joined, parts_in_a_turn, places_in_time
 
 
 class TopicMessages:

@@ -26,7 +26,7 @@ from automos.evaluation.predictions import find_predictions
 from automos.objects.kinds import Kind, likeliest
 from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.trajectory import SequenceFrames, Trajectory, make_frame
-from automos.results.claiming import PointFiles
+from automos.results.point_files import PointFiles
 from automos.results.run_objects import ScanBoxes
 from automos.results.tracks_file import box_table, each_track
 

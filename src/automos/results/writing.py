@@ -31,7 +31,8 @@ from automos.objects.verdict import Verdict
 from automos.odometry.clock import rate_of
 from automos.odometry.trajectory import Trajectory
 from automos.pipeline import Found
-from automos.results.claiming import count_points, no_points, per_scan_files, write_points
+from automos.results.claiming import per_scan_files
+from automos.results.point_files import count_points, no_points, write_points
 from automos.results.tracks_file import track_entries, write_tracks
 from automos.settings import OutputSettings, Settings, dump_yaml
 

@@ -20,7 +20,7 @@ from automos.core.reading import read_bytes
 from automos.core.run import Progress
 from automos.core.scan import Sequence
 from automos.core.workspace import REVIEWED, RUN_FILE, UNFINISHED, Workspace
-from automos.results.claiming import write_points
+from automos.results.point_files import write_points
 from automos.results.tracks_file import box_entry, track_entries, write_tracks
 from automos.review.amendments import Amendment, ever_made, in_scans, read_amendments
 from automos.review.decisions import Decision, ever_decided, match, read_decisions

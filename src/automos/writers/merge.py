@@ -18,7 +18,8 @@ from automos.core.label_files import read_labels
 from automos.core.labels import Label, pack, to_mos
 from automos.core.reading import damage_reported, is_there, read_bytes
 from automos.core.workspace import COMPLETE, RUN_FILE, Workspace
-from automos.results.claiming import count_points, no_points, per_scan_files, require_room
+from automos.results.claiming import per_scan_files, require_room
+from automos.results.point_files import count_points, no_points
 from automos.results.run_files import RunFiles
 from automos.results.tracks_file import VERDICTS
 from automos.writers.edits import EditedScan, read_edits, require_known
