@@ -25,7 +25,7 @@ def hidden_sides(
     row_height, column_width = (max(float(step), _LEAST_STEP) for step in ray_steps)
     n_columns = int(2.0 * np.pi / column_width)
     flat = np.hypot(points[:, 0], points[:, 1])
-    row = np.floor(np.arctan2(points[:, 2], flat) / row_height).astype(np.int32)
+    row = np.floor(np.nan_to_num(np.arctan2(points[:, 2], flat)) / row_height).astype(np.int32)
     row -= row.min(initial=0)
     return _hidden_sides(ids, points, row, n_columns, int(row.max(initial=0)) + 1, n)
 
