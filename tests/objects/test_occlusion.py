@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from automos.objects.occlusion import hidden_sides
+from automos.objects.occlusion import hidden_sides, nearest_points
 
 STEPS = (0.02, 0.005)
 
@@ -17,7 +17,7 @@ def sides(*things, turn=0.0):
     c, s = np.cos(turn), np.sin(turn)
     points = np.vstack(things) @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
     ids = np.concatenate([np.full(len(thing), k, np.int32) for k, thing in enumerate(things)])
-    return hidden_sides(ids, points.astype(np.float32), STEPS, len(things))[0].tolist()
+    return hidden_sides(ids, nearest_points(points.astype(np.float32), STEPS), len(things))[0].tolist()
 
 
 CAR = face(np.arange(-0.1, 0.1, 0.005), 20.0)
@@ -51,5 +51,5 @@ def test_what_is_lower_than_most_of_its_edge_hides_nothing():
 
 
 def test_nothing_is_hidden_of_no_segments():
-    assert hidden_sides(np.zeros(0, np.int32), np.zeros((0, 3), np.float32), STEPS, 0).shape == (0, 2)
-    assert hidden_sides(np.full(3, -1, np.int32), CAR[:3].astype(np.float32), STEPS, 0).shape == (0, 2)
+    assert hidden_sides(np.zeros(0, np.int32), nearest_points(np.zeros((0, 3), np.float32), STEPS), 0).shape == (0, 2)
+    assert hidden_sides(np.full(3, -1, np.int32), nearest_points(CAR[:3].astype(np.float32), STEPS), 0).shape == (0, 2)

@@ -18,7 +18,7 @@ from automos.core.kernels import kernel
 from automos.core.scan import Mask
 from automos.objects.boxes import fit_boxes
 from automos.objects.detections import Detections
-from automos.objects.occlusion import hidden_sides
+from automos.objects.occlusion import Nearest, hidden_sides, nearest_points
 from automos.objects.segments import segment_points
 from automos.settings import DetectSettings
 
@@ -81,7 +81,8 @@ def detect_objects(
     objects[rest], n_objects = _renumbered(pieces, is_piece, n_whole)
 
     static, _ = _renumbered(ids, is_compact & ~is_consistent, n_objects)
-    parts = [_describe(of, seen, seen_from, ray_steps) for of in (objects, np.maximum(static - n_objects, -1))]
+    nearest = nearest_points(seen_from, ray_steps)
+    parts = [_describe(of, seen, nearest) for of in (objects, np.maximum(static - n_objects, -1))]
     parts[1].has_stayed[:] = True
     found, is_cut = Detections.concatenate(parts), (objects >= 0) & (static >= 0)
     found.part_of[objects[is_cut]] = static[is_cut]
@@ -109,10 +110,10 @@ def _is_consistent(count: npt.NDArray, moved: npt.NDArray, stayed: npt.NDArray, 
     return (moved > 0) & (moved >= settings.min_share * (moved + stayed)) | (stayed <= SILENCE * count)
 
 
-def _describe(ids: Ids, seen: ScanPoints, seen_from: npt.NDArray, ray_steps: tuple[float, float]) -> Detections:
+def _describe(ids: Ids, seen: ScanPoints, nearest: Nearest) -> Detections:
     """Return the boxes, counts, lift, solidity and hidden sides of segments 0, 1, ... of `ids`."""
     count, moved, stayed, _, lift, solid = _summarise(ids, *seen)
-    hidden = hidden_sides(ids, seen_from, ray_steps, len(count))
+    hidden = hidden_sides(ids, nearest, len(count))
     boxes = fit_boxes(seen.points, ids, np.ones(len(count)))
     return Detections.of_objects(boxes, count, moved, stayed, lift, solid, hidden)
 
