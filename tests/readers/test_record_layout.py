@@ -158,6 +158,17 @@ def test_neither_the_order_of_points_nor_those_without_return_hide_the_columns(t
         np.testing.assert_allclose(sequence[2].points, points_of(gaps[2]), atol=1e-6)
 
 
+@pytest.mark.parametrize("spelled", ["x,y,z,intensity", "x,y,z,intensity,ring,time"])
+def test_a_sky_without_return_where_files_begin_does_not_hide_the_columns(tmp_path, scans, spelled):
+    grids = []
+    for one in scans:
+        n = len(one["x"])
+        is_sky = (np.arange(n) * 6 // n % 2 == 0) | (np.arange(n) > n - 200)
+        grids.append({name: np.where(is_sky, 0.0, column) for name, column in one.items()})
+    sequence = open_sequence(write(tmp_path / "log", RECORDS[spelled], grids))
+    np.testing.assert_allclose(sequence[2].points, points_of(grids[2]), atol=1e-6)
+
+
 def test_every_third_record_that_is_none_is_no_part_of_a_larger_one(tmp_path, scans):
     wide = [
         {name: np.insert(column, np.arange(3, len(column), 3).repeat(2), np.nan) for name, column in one.items()}

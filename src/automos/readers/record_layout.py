@@ -82,17 +82,17 @@ def find_columns(paths: Sequence[Path]) -> str:
     pool = [_beginning(path) for path in evenly_spread(largest, _FILES)]
     divided = [size for size in _SIZES if 2 * np.count_nonzero(sizes % size == 0) > len(sizes)]
     fitting = [size for size in divided if has_numbers(_rows(pool, size))]
-    pooled = _code_length(_rows(pool, 1)) if len(_rows(pool, _SIZES[0])) >= ENOUGH else 0.0
-    if pooled == 0.0:  # few, or the same everywhere
+    some = _rows(pool, _SIZES[0])
+    if len(some) < ENOUGH or (some == some[0, 0]).all():
         return _by_convention(fitting, sizes, paths)
-    if not fitting:
+    gain = {size: _gain(_rows(pool, size)) for size in fitting}
+    best = max(fitting, key=gain.__getitem__, default=0)
+    if not fitting or gain[best] <= 0.0:
         raise InputError(_unknown(paths, sizes, []))
-    gain = {size: pooled - _code_length(_rows(pool, size)) for size in fitting}
-    best = max(fitting, key=gain.__getitem__)
     likely = [size for size in fitting if gain[size] >= _AS_GOOD * gain[best]]
     least = next(size for size in likely if best % size == 0)
     smaller = [size for size in range(_SIZES[0], best, 4) if best % size and size % least]
-    if any(pooled - _code_length(_rows(pool, size)) > gain[best] for size in smaller):  # behind a header, or cut
+    if any(_gain(_rows(pool, size)) > gain[best] for size in smaller):  # behind a header, or cut
         raise InputError(_unknown(paths, sizes, []))
     size = next(s for s in fitting if best % s == 0 and (s in likely or is_several(_rows(pool, best), s)))
     rivals = [size, *(other for other in likely if other % size and size % other)]
@@ -176,6 +176,11 @@ def _rows(pool: list[bytes], size: int) -> Rows:
         starts = np.linspace(0, max(len(records) - most // 4, 0), 4).astype(int)
         parts += [records] if len(records) <= most else [records[at : at + most // 4] for at in starts]
     return np.concatenate(parts) if parts else np.zeros((0, size), np.uint8)
+
+
+def _gain(rows: Rows) -> float:
+    """Return the bits that a byte takes less in a code for each place of a record than in one for all bytes of `rows`."""
+    return _code_length(rows.reshape(-1, 1)) - _code_length(rows)
 
 
 def _code_length(rows: Rows) -> float:
