@@ -179,7 +179,7 @@ def _rows(pool: list[bytes], size: int) -> Rows:
 
 
 def _gain(rows: Rows) -> float:
-    """Return the bits that a byte takes less in a code for each place of a record than in one for all bytes of `rows`."""
+    """Return how many bits a byte of `rows` takes less in a code for each place of a record than in one for all."""
     return _code_length(rows.reshape(-1, 1)) - _code_length(rows)
 
 
