@@ -8,6 +8,7 @@ from automos.core.directions import raw_points
 from automos.core.range_image import UNIT, locate
 from automos.core.scan import GROUND, OBJECT, SPECK, Frame
 from automos.evidence.clouds import MIN_POINTS, in_clouds
+from automos.evidence.ground import map_ground
 from automos.evidence.observations import Seen, learn_lidars, look
 from automos.pipeline import Steps
 from automos.simulation import Conditions, record
@@ -52,7 +53,8 @@ def look_at_street(weather: str, sensor: str) -> tuple[Frame, Seen, np.ndarray]:
     settings = load_settings("default")
     frames, about = Steps(recording, settings, recording.reference_poses, workers=1).frames, settings.candidates
     lidars = learn_lidars(frames, [frames[0], frames[3]], about, 1)
-    return frames[2], look(frames[2], lidars, about.ground), (recording.truth(2)[frames[2].kept] & 0xFFFF) == 1
+    ground = map_ground(frames[2].points_level, frames[2].origin_level, about.ground)
+    return frames[2], look(frames[2], lidars, ground, about.ground), (recording.truth(2)[frames[2].kept] & 0xFFFF) == 1
 
 
 @pytest.mark.parametrize("sensor", ["VLP-16", "HDL-64E"])

@@ -6,6 +6,7 @@ from automos.core.beam_pattern import Lidar, make_pattern
 from automos.core.geometry import make_transform
 from automos.core.scan import OBJECT, SPECK, Frame
 from automos.evidence.free_space import FreeSpace
+from automos.evidence.ground import map_ground
 from automos.evidence.observations import look
 from automos.settings import CandidatesSettings, GroundSettings
 
@@ -88,7 +89,8 @@ def test_points_of_both_turns_of_a_scan_have_neighbours_of_their_own_turn():
     T = make_transform(t=[0.0, 0.0, 2.0])
     frame = Frame(points, np.arange(len(points)), len(points), T, 0.0, time.astype(np.float32), np.zeros(6))
     pattern = make_pattern(elevation, 2.0 * np.pi / 720)
-    seen = look(frame, [Lidar(0, np.eye(4), pattern)], GroundSettings())
+    ground = map_ground(frame.points_level, frame.origin_level, GroundSettings())
+    seen = look(frame, [Lidar(0, np.eye(4), pattern)], ground, GroundSettings())
     assert np.flatnonzero(seen.kind == SPECK).tolist() == [drop]
     assert seen.solidity[drop] == 0
     first, second = np.split(np.where(seen.kind == OBJECT, seen.solidity, 255), 2)

@@ -22,8 +22,11 @@ from automos.core.arrays import evenly_spread
 from automos.core.geometry import Array, inverse
 from automos.core.range_image import RangeImage
 from automos.core.scan import Frames, Mask
+from automos.evidence.ground import map_ground
+from automos.evidence.height_map import GroundMap
 from automos.evidence.look_through import look_through, tolerances_of
 from automos.evidence.observations import Seen, View, learn_lidars, look
+from automos.evidence.steady_ground import SCANS_BEFORE, mended
 from automos.evidence.votes import Votes, count_hits, sum_votes, weigh_looks
 from automos.settings import CandidatesSettings, FreeSpaceSettings
 
@@ -64,6 +67,7 @@ class FreeSpace:
         last_use = np.full(len(self.frames), -1)
         for i in todo:
             last_use[[i, *partners[i]]] = i
+        grounds: dict[int, Future[GroundMap]] = {}
         seen: dict[int, Future[Seen]] = {}
         asked: deque[tuple[int, Seen, Future[Net]]] = deque()
         with ThreadPoolExecutor(self.threads) as pool:
@@ -71,7 +75,7 @@ class FreeSpace:
                 ahead = min(i + 2 * self.threads, todo[-1])
                 for j in (ahead, *partners[ahead], i, *partners[i]):
                     if j not in seen:
-                        seen[j] = pool.submit(self._look, int(j))
+                        seen[j] = self._start_look(int(j), grounds, pool)
                 mine, others = seen[i].result(), [seen[j].result() for j in partners[i]]
                 offsets = self.stamps[partners[i]] - self.stamps[i]
                 asked.append((i, mine, pool.submit(ask, mine, others, offsets, self.settings.free_space)))
@@ -80,9 +84,25 @@ class FreeSpace:
                     yield index, about, net.result()
                 for j in [j for j in seen if last_use[j] <= i]:
                     del seen[j]
+                for k in [k for k in grounds if k < i - SCANS_BEFORE]:
+                    del grounds[k]
 
-    def _look(self, index: int) -> Seen:
-        return look(self.frames[index], self.lidars, self.settings.ground)
+    def _start_look(self, index: int, grounds: dict[int, Future[GroundMap]], pool: ThreadPoolExecutor) -> Future[Seen]:
+        """Start the look at a scan, after those of `grounds` that it needs and that are missing."""
+        needed = range(max(index - SCANS_BEFORE, 0), index + 1)
+        for k in needed:
+            if k not in grounds:
+                grounds[k] = pool.submit(self._map_ground, k)
+        # Threads take up in order what is submitted: when this look begins, nothing that it waits for is left behind.
+        return pool.submit(self._look, index, [grounds[k] for k in needed])
+
+    def _map_ground(self, index: int) -> GroundMap:
+        frame = self.frames[index]
+        return map_ground(frame.points_level, frame.origin_level, self.settings.ground)
+
+    def _look(self, index: int, grounds: list[Future[GroundMap]]) -> Seen:
+        *before, own = (ground.result() for ground in grounds)
+        return look(self.frames[index], self.lidars, mended(own, before), self.settings.ground)
 
 
 def partners_of(stamp: float, stamps: Array, is_far: Mask, settings: FreeSpaceSettings) -> Rows:

@@ -15,14 +15,12 @@ from automos.core.cells import rough_turn_of
 from automos.core.geometry import Array
 from automos.core.kernels import kernel
 from automos.core.scan import Mask
+from automos.evidence.height_map import MAX_STEP, SECTORS, GroundMap, above_ground
 from automos.settings import GroundSettings
 
-HeightMap = npt.NDArray[np.floating]
-SECTORS = 360  # around the sensor
 START_RANGE = 10.0  # metres: range within which the initial height of the ground is taken
 STEP = 0.12  # metres: step by which ground may rise or fall (a kerb)
 MAX_BEND = 0.06  # metres per metre: greatest change of the ground's slope
-MAX_STEP = 0.3  # metres: greatest difference from the expected height, at any distance; ground is not further below
 MAX_SLOPE = 0.35  # steepest ground, rise over run
 SLOPING = 0.05  # rise over run of the ground around the sensor, below which sectors start level
 PLANE_SPREAD, PLANE_ROUNDS = 0.2, 6
@@ -50,21 +48,24 @@ def find_ground(points_level: npt.NDArray, origin_level: Array, settings: Ground
     -------
     is_ground : (M,) bool.   height : (M,) float32, metres.
     """
+    return above_ground(map_ground(points_level, origin_level, settings), points_level, settings)
+
+
+def map_ground(points_level: npt.NDArray, origin_level: Array, settings: GroundSettings) -> GroundMap:
+    """Return the ground of a scan; see `find_ground`."""
     origin, cell = np.asarray(origin_level, np.float64), settings.cell
     n_rings = int(np.ceil(settings.max_range / cell))
     lowest, highest = _fill_sectors(points_level, origin, cell, n_rings)
     is_ground = _walk_outwards(lowest, highest, *_start(lowest, cell), cell)
     is_seen = _sees_ground(is_ground, is_ground & (highest - lowest < STEP))
     is_ground &= is_seen[:, None]
-    if not is_ground.any():
-        bottom = origin[2] + lowest.min(where=np.isfinite(lowest), initial=0.0)
-        return np.zeros(len(points_level), np.bool_), points_level[:, 2] - np.float32(bottom)
     # A whole number of cells, so that the map has the same cells in every scan.
     corner = (np.floor(origin[:2] / cell) - n_rings) * cell
-    sums, counts = _add_ground_points(points_level, origin, lowest, is_ground, corner, cell)
-    surface = _fill_gaps(sums / np.maximum(counts, 1.0), np.minimum(counts, 1.0))
-    tolerances = (settings.tolerance, settings.tolerance_per_metre)
-    return _measure(points_level, origin, corner, 1.0 / cell, surface, is_seen, *tolerances)
+    sums, counts = (grid.ravel() for grid in _add_ground_points(points_level, origin, lowest, is_ground, corner, cell))
+    cells, bottom = np.flatnonzero(counts), origin[2] + lowest.min(where=np.isfinite(lowest), initial=0.0)
+    return GroundMap(
+        origin, corner, cell, 2 * n_rings, cells, sums[cells] / counts[cells], is_seen & is_ground.any(), bottom
+    )
 
 
 def _start(lowest: npt.NDArray, cell: float) -> tuple[float, Array]:
@@ -110,42 +111,6 @@ def _directions() -> Array:
     x = 1.0 - 4.0 * np.abs(turn)
     y = np.sign(turn) * (1.0 - np.abs(x))
     return np.column_stack([x, y]) / np.hypot(x, y)[:, None]
-
-
-def _fill_gaps(values: HeightMap, weights: HeightMap) -> HeightMap:
-    """Return `values` (H, W), blended with increasingly coarse averages where their weight is below 1."""
-    if max(values.shape) == 1:
-        return values
-    total, weight = _halved(weights * values), _halved(weights)
-    coarse = _fill_gaps(total / np.maximum(weight, np.float32(1e-9)), np.minimum(weight, np.float32(1.0)))
-    filled = np.empty_like(values)
-    _double(coarse, filled)
-    return filled + weights * (values - filled)
-
-
-def _halved(values: HeightMap) -> HeightMap:
-    """Return the sums of blocks of 2 x 2 cells of `values`; blocks at the border may be smaller."""
-    even = np.pad(values, [(0, n % 2) for n in values.shape])
-    return even[::2, ::2] + even[::2, 1::2] + even[1::2, ::2] + even[1::2, 1::2]
-
-
-@kernel
-def _double(coarse, fine):  # type: ignore[no-untyped-def]
-    for v in range(fine.shape[0]):
-        for u in range(fine.shape[1]):
-            fine[v, u] = _sample(coarse, 0.5 * u - 0.25, 0.5 * v - 0.25)
-
-
-@kernel
-def _sample(grid, x, y):  # type: ignore[no-untyped-def]
-    """Bilinear value of `grid` at column x, row y (integers are the cells' centres), clamped to its border."""
-    h, w = grid.shape
-    x = min(x, w - 1.0) if x > 0.0 else 0.0  # 0 for NaN
-    y = min(y, h - 1.0) if y > 0.0 else 0.0
-    u, v = min(int(x), max(w - 2, 0)), min(int(y), max(h - 2, 0))
-    fx, fy = x - u, y - v
-    u2, v2 = min(u + 1, w - 1), min(v + 1, h - 1)
-    return (1 - fy) * ((1 - fx) * grid[v, u] + fx * grid[v, u2]) + fy * ((1 - fx) * grid[v2, u] + fx * grid[v2, u2])
 
 
 @kernel
@@ -224,18 +189,3 @@ def _add_ground_points(points, origin, lowest, is_ground, corner, cell):  # type
             sums[v, u] += points[i, 2]
             counts[v, u] += 1
     return sums, counts
-
-
-@kernel
-def _measure(points, origin, corner, per_cell, surface, is_seen, tolerance, tolerance_per_metre):  # type: ignore[no-untyped-def]
-    """Return which points are on the `surface`, and the heights of all above it."""
-    h, w = surface.shape
-    is_ground, height = np.empty(len(points), np.bool_), np.empty(len(points), np.float32)
-    for i in range(len(points)):
-        u, v = (points[i, 0] - corner[0]) * per_cell, (points[i, 1] - corner[1]) * per_cell
-        x, y = points[i, 0] - origin[0], points[i, 1] - origin[1]
-        beneath = _sample(surface, u - 0.5, v - 0.5)
-        is_low = -MAX_STEP < points[i, 2] - beneath < tolerance + tolerance_per_metre * np.sqrt(x * x + y * y)
-        is_ground[i] = is_low and 0.0 <= u < w and 0.0 <= v < h and is_seen[int(rough_turn_of(x, y) * SECTORS)]
-        height[i] = points[i, 2] - np.float32(beneath)
-    return is_ground, height

@@ -18,6 +18,7 @@ from automos.core.scan import EGO_BODY, GROUND, OBJECT, SPECK, Frame, Frames, Ma
 from automos.evidence.clouds import in_clouds
 from automos.evidence.ego_body import find_ego_body
 from automos.evidence.ground import find_ground
+from automos.evidence.height_map import GroundMap, above_ground
 from automos.evidence.on_body import is_on_body
 from automos.settings import CandidatesSettings, GroundSettings
 
@@ -73,9 +74,9 @@ def with_body(lidars: list[Lidar], frames: Frames, settings: CandidatesSettings,
     return [replace(lidar, body=find_ego_body(frames, lidar, *about)) for lidar in lidars]
 
 
-def look(frame: Frame, lidars: list[Lidar], ground: GroundSettings) -> Seen:
-    """Return the observations of `frame`."""
-    is_ground, height = find_ground(frame.points_level, frame.origin_level, ground)
+def look(frame: Frame, lidars: list[Lidar], ground: GroundMap, settings: GroundSettings) -> Seen:
+    """Return the observations of `frame` over `ground`."""
+    is_ground, height = above_ground(ground, frame.points_level, settings)
     kind = np.where(is_ground, np.uint8(GROUND), np.uint8(OBJECT))
     seen = Seen(kind, height, np.zeros(len(kind), np.uint8), [])
     seen.views.extend(_view(*frame.of_sensor(lidar.number), seen, lidar) for lidar in lidars)

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.kernels import kernel
-from automos.evidence.ground import MAX_STEP
+from automos.evidence.height_map import MAX_STEP
 from automos.evidence.look_through import BENEATH, HIT, THROUGH, WEAK
 
 Votes = npt.NDArray[np.int8]

@@ -1,5 +1,6 @@
 """The pose and the observations of each scan: everything that needs no comparison with other scans."""
 
+from collections import deque
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -8,7 +9,10 @@ import numpy as np
 from automos.core.beam_pattern import Lidar
 from automos.core.geometry import inverse, make_transform
 from automos.core.scan import Frame, Pose, Scan
+from automos.evidence.ground import map_ground
+from automos.evidence.height_map import GroundMap
 from automos.evidence.observations import Seen, look
+from automos.evidence.steady_ground import SCANS_BEFORE, mended
 from automos.odometry.compensation import frame_of
 from automos.odometry.estimator import Odometry
 from automos.odometry.followed import Posed
@@ -68,6 +72,7 @@ class Sightings:
         self._learner = LidarLearner(settings.candidates)
         self._T_level_world = self.T_level_sensor
         self._is_level = False
+        self._grounds = deque[GroundMap](maxlen=SCANS_BEFORE)
 
     def step(self, scan: Scan) -> Sighting:
         """Return the sighting of the next scan."""
@@ -78,13 +83,17 @@ class Sightings:
             T_before, self._T_level_world = self._T_level_world, self._T_level_world @ moved.T_before_now
             T_after_before = self._T_level_world @ inverse(T_before)
             self._learner.forget_poses()
+            self._grounds.clear()
         if not self._is_level:
             self._find_level(scan, moved.posed)
         frame = self._frame(scan, moved.posed, moved.stamp)
         self.T_level_sensor = frame.T_level_sensor
         self._learner.add(frame)
         lidars = self._learner.lidars
-        seen = look(frame, lidars, self._settings.candidates.ground) if lidars else None
+        about = self._settings.candidates.ground
+        ground = map_ground(frame.points_level, frame.origin_level, about)
+        seen = look(frame, lidars, mended(ground, self._grounds), about) if lidars else None
+        self._grounds.append(ground)
         refined = {stamp: self._T_level_world @ T for stamp, T in moved.refined.items()}
         return Sighting(moved.stamp, frame, seen, lidars, refined, again, T_after_before)
 
@@ -105,3 +114,4 @@ class Sightings:
             T_level_sensor[:2, 3] = before[:2, 3]
             self._T_level_world = T_level_sensor @ inverse(posed.T_world_sensor)
             self._is_level = True
+            self._grounds.clear()

@@ -1,0 +1,101 @@
+"""The ground of a scan as heights of cells of the level frame, and the points that lie on it.
+
+Between the cells that were measured, the surface is filled from increasingly coarse averages (pull-push).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from automos.core.cells import rough_turn_of
+from automos.core.geometry import Array
+from automos.core.kernels import kernel
+from automos.core.scan import Mask
+from automos.settings import GroundSettings
+
+HeightMap = npt.NDArray[np.floating]
+SECTORS = 360  # around the sensor
+MAX_STEP = 0.3  # metres: greatest difference from the expected height, at any distance; ground is not further below
+
+
+class GroundMap(NamedTuple):
+    """The ground that a scan sees, as the mean heights of cells of the level frame; K of W x W cells are measured."""
+
+    origin: Array  # (3,) metres, of the sensor
+    corner: Array  # (2,) metres, of the map, a whole number of cells
+    cell: float  # metres, side of a cell
+    width: int  # W
+    cells: npt.NDArray[np.int64]  # (K,) row * W + column
+    heights: npt.NDArray[np.float32]  # (K,) metres, level frame
+    is_seen: Mask  # (SECTORS,) around the sensor; none is if no ground is
+    lowest: float  # metres, height of the lowest point
+
+
+def above_ground(
+    ground: GroundMap, points_level: npt.NDArray, settings: GroundSettings
+) -> tuple[Mask, npt.NDArray[np.float32]]:
+    """Return which of a scan's points (M, 3) are on its `ground`, and the heights of all above it."""
+    if not ground.is_seen.any():
+        return np.zeros(len(points_level), np.bool_), points_level[:, 2] - np.float32(ground.lowest)
+    tolerances = (settings.tolerance, settings.tolerance_per_metre)
+    where = (ground.origin, ground.corner, 1.0 / ground.cell, surface_of(ground), ground.is_seen)
+    return _measure(points_level, *where, *tolerances)
+
+
+def surface_of(ground: GroundMap) -> HeightMap:
+    """Return (W, W) the heights of all cells, those between measured ones filled in."""
+    heights, measured = np.zeros((2, ground.width * ground.width), np.float32)
+    heights[ground.cells], measured[ground.cells] = ground.heights, 1.0
+    return _fill_gaps(*(grid.reshape(ground.width, ground.width) for grid in (heights, measured)))
+
+
+def _fill_gaps(values: HeightMap, weights: HeightMap) -> HeightMap:
+    """Return `values` (H, W), blended with increasingly coarse averages where their weight is below 1."""
+    if max(values.shape) == 1:
+        return values
+    total, weight = _halved(weights * values), _halved(weights)
+    coarse = _fill_gaps(total / np.maximum(weight, np.float32(1e-9)), np.minimum(weight, np.float32(1.0)))
+    filled = np.empty_like(values)
+    _double(coarse, filled)
+    return filled + weights * (values - filled)
+
+
+def _halved(values: HeightMap) -> HeightMap:
+    """Return the sums of blocks of 2 x 2 cells of `values`; blocks at the border may be smaller."""
+    even = np.pad(values, [(0, n % 2) for n in values.shape])
+    return even[::2, ::2] + even[::2, 1::2] + even[1::2, ::2] + even[1::2, 1::2]
+
+
+@kernel
+def _double(coarse, fine):  # type: ignore[no-untyped-def]
+    for v in range(fine.shape[0]):
+        for u in range(fine.shape[1]):
+            fine[v, u] = _sample(coarse, 0.5 * u - 0.25, 0.5 * v - 0.25)
+
+
+@kernel
+def _sample(grid, x, y):  # type: ignore[no-untyped-def]
+    """Bilinear value of `grid` at column x, row y (integers are the cells' centres), clamped to its border."""
+    h, w = grid.shape
+    x = min(x, w - 1.0) if x > 0.0 else 0.0  # 0 for NaN
+    y = min(y, h - 1.0) if y > 0.0 else 0.0
+    u, v = min(int(x), max(w - 2, 0)), min(int(y), max(h - 2, 0))
+    fx, fy = x - u, y - v
+    u2, v2 = min(u + 1, w - 1), min(v + 1, h - 1)
+    return (1 - fy) * ((1 - fx) * grid[v, u] + fx * grid[v, u2]) + fy * ((1 - fx) * grid[v2, u] + fx * grid[v2, u2])
+
+
+@kernel
+def _measure(points, origin, corner, per_cell, surface, is_seen, tolerance, tolerance_per_metre):  # type: ignore[no-untyped-def]
+    """Return which points are on the `surface`, and the heights of all above it."""
+    h, w = surface.shape
+    is_ground, height = np.empty(len(points), np.bool_), np.empty(len(points), np.float32)
+    for i in range(len(points)):
+        u, v = (points[i, 0] - corner[0]) * per_cell, (points[i, 1] - corner[1]) * per_cell
+        x, y = points[i, 0] - origin[0], points[i, 1] - origin[1]
+        beneath = _sample(surface, u - 0.5, v - 0.5)
+        is_low = -MAX_STEP < points[i, 2] - beneath < tolerance + tolerance_per_metre * np.sqrt(x * x + y * y)
+        is_ground[i] = is_low and 0.0 <= u < w and 0.0 <= v < h and is_seen[int(rough_turn_of(x, y) * SECTORS)]
+        height[i] = points[i, 2] - np.float32(beneath)
+    return is_ground, height
