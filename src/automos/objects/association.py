@@ -22,6 +22,10 @@ MAX_COUNT_RATIO = 5.0  # greatest ratio of the numbers of points
 SIZE_WEIGHT = 4.0  # cost of a change of size, in squared standard deviations
 LEAST_SIDE = 0.1  # metres: of what is thinner, ratios of sides say nothing
 EVIDENCE_WEIGHT = 2.0  # cost of a change from all points moving to all static
+MISSED = 0.5  # cost of each scan without sight before: -2 log of 0.78, the share of objects missed that come again
+ANOTHER = 20.0
+"""Cost of the alternative to a pair: the object is missed, and the detection is of another one. Who is offered a piece
+beside its own whole, and a scrap the whole instead, are not swapped only because two pairs are more than one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +79,7 @@ def motion_cost(objects: Objects, found: Detections, noise: FilterSettings, sett
     is_possible &= thinning < np.log(MAX_COUNT_RATIO)
     # -2 log of the density's height: whose place is known explains a detection better than whose could be anywhere.
     vagueness = np.log(determinant) - 2.0 * np.log(noise.measurement_variance)
+    vagueness += MISSED * (objects.misses[k] - 1)
     price = squared + vagueness + climb + SIZE_WEIGHT * growth + thinning + EVIDENCE_WEIGHT * np.abs(settling)
     cost[k, j] = np.where(is_possible, price, np.inf)
     return cost
@@ -105,13 +110,16 @@ def _mahalanobis(offset: Array, spread: Array) -> tuple[Array, Array]:
     return (c * x * x - 2.0 * b * x * y + a * y * y) / determinant, determinant
 
 
-def assign(cost: Array) -> tuple[Rows, Rows]:
-    """Return rows and columns of the assignment with the most pairs and, among those, the least total cost.
+def assign(cost: Array, alternative: float = np.inf) -> tuple[Rows, Rows]:
+    """Return rows and columns of the assignment of least total cost, in which what has no pair costs `alternative`.
+
+    By default that is the one with the most pairs and, among those, the least cost.
 
     cost : (K, M), inf where a pair is forbidden. SciPy rejects rows of inf, so a large finite cost replaces inf.
     """
-    is_allowed = np.isfinite(cost)
-    forbidden = (cost.max(initial=0.0, where=is_allowed) + 1.0) * (min(cost.shape) + 1)
-    rows, columns = linear_sum_assignment(np.where(is_allowed, cost, forbidden))
-    keep = is_allowed[rows, columns]
+    if np.isinf(alternative):
+        alternative = (cost.max(initial=0.0, where=np.isfinite(cost)) + 1.0) * (min(cost.shape) + 1)
+    saved = np.minimum(cost - alternative, 0.0)
+    rows, columns = linear_sum_assignment(saved)
+    keep = saved[rows, columns] < 0.0
     return rows[keep], columns[keep]

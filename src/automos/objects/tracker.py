@@ -19,7 +19,7 @@ import numpy.typing as npt
 from automos.core.geometry import Array
 from automos.core.scan import Mask
 from automos.objects import filter as kalman
-from automos.objects.association import Objects, assign, association_cost, motion_cost
+from automos.objects.association import ANOTHER, Objects, assign, association_cost, motion_cost
 from automos.objects.detections import Detections
 from automos.objects.tracks import Tracks
 from automos.settings import TrackingSettings
@@ -55,7 +55,7 @@ class Tracker:
         alive = kalman.predict(self._alive, dt, settings.filter)
         alive = replace(alive, unseen=alive.unseen + dt, misses=alive.misses + 1)
         alive = replace(alive, share=alive.share.copy(), count=alive.count.copy())  # they are written to
-        matched, detected = assign(_cost(alive, found, settings))
+        matched, detected = assign(*_cost(alive, found, settings))
         _update(alive, found, matched, detected, settings)
         segment = np.full(len(alive), -1)
         segment[matched] = detected
@@ -124,10 +124,11 @@ def _start(found: Detections, settings: TrackingSettings) -> Objects:
     return Objects(belief.mean, belief.covariance, zero, np.zeros(n), zero.copy(), share, count)
 
 
-def _cost(objects: Objects, found: Detections, settings: TrackingSettings) -> Array:
+def _cost(objects: Objects, found: Detections, settings: TrackingSettings) -> tuple[Array, float]:
+    """Return the (K, M) cost of each pair, and that of having none."""
     if settings.method == "paper":
-        return association_cost(objects.boxes(), found.boxes, settings.association)
-    return motion_cost(objects, found, settings.filter, settings.gates)
+        return association_cost(objects.boxes(), found.boxes, settings.association), np.inf
+    return motion_cost(objects, found, settings.filter, settings.gates), ANOTHER
 
 
 def _update(alive: Objects, found: Detections, matched: Rows, detected: Rows, settings: TrackingSettings) -> None:
