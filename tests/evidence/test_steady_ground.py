@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from automos.evidence.ground import map_ground
-from automos.evidence.height_map import MAX_STEP, SECTORS, GroundMap, above_ground, surface_of
+from automos.evidence.height_map import MAX_STEP, SECTORS, GroundMap, above_ground, rays_above, surface_of
 from automos.evidence.steady_ground import mended
 from automos.settings import GroundSettings
 
@@ -17,7 +17,8 @@ def seen(heights, corner=(0.0, 0.0), is_seen=True):
     cells = np.array([row * WIDTH + column for row, column in heights], np.int64)
     sectors = np.full(SECTORS, is_seen)
     values = np.array(list(heights.values()), np.float32)
-    return GroundMap(np.array([6.0, 6.0, 1.8]), np.array(corner), 0.5, WIDTH, cells, values, sectors, -1.0)
+    sight = np.full((SECTORS, WIDTH // 2), np.inf, np.float16)
+    return GroundMap(np.array([6.0, 6.0, 1.8]), np.array(corner), 0.5, WIDTH, cells, values, sectors, -1.0, sight)
 
 
 def flat(rows=range(WIDTH), columns=range(WIDTH), height=0.0):
@@ -31,7 +32,7 @@ def heights_of(ground):
 def test_what_is_higher_than_the_ground_around_as_it_was_seen_before_is_lowered():
     rail = {(12, column): 0.25 for column in range(8, 14)}
     now = mended(seen(flat(range(6)) | rail), [seen(flat(columns=range(0, WIDTH, 2)))])
-    assert all(abs(heights_of(now)[cell]) < 0.01 for cell in rail)
+    assert all(abs(surface_of(now)[cell]) < 0.01 for cell in rail)
 
 
 def test_a_kerb_that_all_scans_see_stays():
@@ -89,3 +90,37 @@ def test_the_lowest_row_on_a_car_behind_a_rail_is_no_ground():
     assert not is_ground[-60:].any()
     assert is_ground[:-60].mean() > 0.99
     np.testing.assert_allclose(height[-60:], 0.25, atol=0.02)
+
+
+def test_who_stands_between_two_rows_that_met_the_ground_behind_is_no_ground():
+    a = np.radians(np.arange(0.0, 360.0, 0.2))
+    origin = np.array([0.0, 0.0, 1.8])
+
+    def rows(*radii):
+        return np.concatenate([np.stack([r * np.cos(a), r * np.sin(a), 0.0 * a], axis=1) for r in radii])
+
+    road = rows(6.5, 7.6, 9.1, 11.3, 14.7, 21.1, 37.4).astype(np.float32)
+    now, is_walker = road.copy(), (np.abs(a - 1.0) < 0.03)
+    now[6 * len(a) :][is_walker] *= 32.5 / 37.4  # his feet end the row that met the ground behind
+    now[6 * len(a) :][is_walker, 2] = 1.8 * (1.0 - 32.5 / 37.4)
+    alone, before = map_ground(now, origin, S), [map_ground(road, origin, S)] * 4
+    walker = np.flatnonzero(is_walker) + 6 * len(a)
+    assert above_ground(alone, now, S)[0][walker].all()
+    is_ground, height = above_ground(mended(alone, before), now, S)
+    assert not is_ground[walker].any()
+    assert np.delete(is_ground, walker).all()
+    np.testing.assert_allclose(height[walker], 0.236, atol=0.03)
+    # Where he stood in the scans before, the ground is not known by him either.
+    with_him = [alone] * 3 + before
+    assert not above_ground(mended(alone, with_him), now, S)[0][walker].any()
+    # Two rays at least: one may be of a mirror image.
+    assert above_ground(mended(alone, [alone] * 3 + before[:1]), now, S)[0][walker].all()
+
+
+def test_rays_pass_over_what_lies_before_the_ground_that_they_meet():
+    road = np.array([[r * np.cos(a), r * np.sin(a), 0.0] for r in (5.2, 20.2) for a in np.arange(0.0, 6.28, 0.005)])
+    ground = map_ground(road.astype(np.float32), np.array([0.0, 0.0, 2.0]), S)
+    places = np.array([[10.2, 0.0], [0.0, -15.2], [-2.0, 2.0], [25.0, 0.0], [0.0, 0.0]])
+    np.testing.assert_allclose(rays_above(ground, places)[:3], [0.99, 0.50, 0.92], atol=0.03)
+    assert np.isinf(rays_above(ground, places)[3])
+    assert rays_above(ground, places)[4] == pytest.approx(2.0, abs=0.01)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from automos.core.upright_boxes import Boxes
 from automos.objects import filter as kalman
-from automos.objects.association import MISSED, Objects, assign, association_cost, motion_cost
+from automos.objects.association import ANOTHER, Objects, assign, association_cost, cost_of_none, motion_cost
 from automos.objects.detections import Detections
 from automos.settings import AssociationSettings, FilterSettings, GateSettings
 
@@ -63,7 +63,7 @@ def test_a_row_is_a_track_and_a_column_a_detection(n_tracked, n_detected):
 
 
 # --------------------------------------------------------------------------------------------- cost of the default
-def cost_of_seeing(before: Boxes, now: Boxes, misses: int = 1) -> float:
+def cost_of_seeing(before: Boxes, now: Boxes, sights: float = 10.0) -> float:
     """Return what it costs that something stood where `before` is and is seen as `now` a tenth of a second later."""
     noise, count, nothing = FilterSettings(), np.full(1, 100.0), np.zeros(1)
     belief = kalman.start(before, noise, noise.initial_velocity_variance)
@@ -72,7 +72,9 @@ def cost_of_seeing(before: Boxes, now: Boxes, misses: int = 1) -> float:
     belief.mean[:, kalman.VELOCITY] = 0.0
     belief = kalman.predict(belief, 0.1, noise)
     one = np.zeros(1, np.int64)
-    objects = Objects(belief.mean, belief.covariance, one, nothing, one + misses, np.full(1, 0.5), count)
+    objects = Objects(
+        belief.mean, belief.covariance, one, nothing, one + 1, nothing + sights, nothing + 10.0, np.full(1, 0.5), count
+    )
     return float(motion_cost(objects, Detections.of_objects(now, count, nothing, nothing), noise, GateSettings())[0, 0])
 
 
@@ -102,7 +104,9 @@ def test_whose_place_is_known_is_preferred_to_one_that_could_be_anywhere():
     covariance = np.array([0.1, 1.0])[:, None, None] * np.eye(10)
     mean = kalman.start(Boxes.concatenate([box(0.3), box(0.0)]), noise, 100.0).mean
     two, count = np.zeros(2, np.int64), np.array([50.0])
-    objects = Objects(mean, covariance, two, np.zeros(2), two, np.full(2, 0.5), np.full(2, 50.0))
+    objects = Objects(
+        mean, covariance, two, np.zeros(2), two, *np.full((2, 2), 10.0), np.full(2, 0.5), np.full(2, 50.0)
+    )
     found = Detections.of_objects(box(0.0), count, np.zeros(1), np.zeros(1))
     known, vague = motion_cost(objects, found, noise, GateSettings())[:, 0]
     r = noise.measurement_variance
@@ -143,24 +147,34 @@ def test_two_dear_pairs_go_before_one_cheap_pair():
 
 
 def test_two_dear_pairs_do_not_go_before_a_cheap_one_and_its_alternative():
-    table = np.array([[1.0, 18.0], [19.0, np.inf]])
-    assert [pair.tolist() for pair in assign(table, 20.0)] == [[0], [0]]
-    assert sorted(assign(table, 40.0)[1].tolist()) == [0, 1]
-    assert len(assign(table + 20.0, 20.0)[0]) == 0
+    table, dear = np.array([[1.0, 18.0], [19.0, np.inf]]), np.full((2, 1), 20.0)
+    assert [pair.tolist() for pair in assign(table, dear)] == [[0], [0]]
+    assert sorted(assign(table, 2.0 * dear)[1].tolist()) == [0, 1]
+    assert len(assign(table + 20.0, dear)[0]) == 0
 
 
 @given(st.integers(0, 10**6), st.integers(1, 4), st.integers(1, 4))
 def test_with_an_alternative_the_cost_of_all_is_least(seed, n_rows, n_columns):
     rng = np.random.default_rng(seed)
     table = np.where(rng.random((n_rows, n_columns)) < 0.3, np.inf, rng.uniform(0.0, 30.0, (n_rows, n_columns)))
-    rows, columns = assign(table, 20.0)
-    saved = np.pad(np.minimum(table - 20.0, 0.0), ((0, 0), (0, n_rows)))  # to have none is to have one of the padding
+    none = rng.uniform(10.0, 30.0, (n_rows, 1))
+    rows, columns = assign(table, none)
+    saved = np.pad(np.minimum(table - none, 0.0), ((0, 0), (0, n_rows)))  # to have none is to have one of the padding
     best = min(saved[range(n_rows), p].sum() for p in permutations(range(n_rows + n_columns), n_rows))
-    assert (table[rows, columns] - 20.0).sum() == pytest.approx(best)
+    assert (table[rows, columns] - none[rows, 0]).sum() == pytest.approx(best)
 
 
-def test_what_was_missed_in_more_scans_is_less_likely_seen_again():
-    assert cost_of_seeing(box(), box(0.3), 5) - cost_of_seeing(box(), box(0.3), 1) == pytest.approx(4 * MISSED)
+def test_what_was_seen_in_few_scans_is_seen_now_with_their_share():
+    seldom, always = (cost_of_seeing(box(), box(0.3), sights) for sights in (1.0, 10.0))
+    assert seldom - always == pytest.approx(2.0 * np.log((11.0 / 12.0) / (2.0 / 12.0)))
+
+
+def test_that_what_was_always_seen_is_not_seen_now_is_the_dearer():
+    two, one, mean = np.zeros(2, np.int64), np.zeros((2, 1)), np.zeros((2, 10))
+    scans, sights = np.array([10.0, 10.0]), np.array([10.0, 1.0])
+    objects = Objects(mean, mean[:, :, None], two, one, two, sights, scans, one, one)
+    expected = ANOTHER - 2.0 * np.log([[1.0 / 12.0], [10.0 / 12.0]])
+    np.testing.assert_allclose(cost_of_none(objects), expected)
 
 
 @pytest.mark.parametrize("shape", [(0, 0), (0, 3), (2, 0), (2, 3)])

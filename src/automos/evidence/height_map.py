@@ -30,6 +30,7 @@ class GroundMap(NamedTuple):
     heights: npt.NDArray[np.float32]  # (K,) metres, level frame
     is_seen: Mask  # (SECTORS,) around the sensor; none is if no ground is
     lowest: float  # metres, height of the lowest point
+    sight: npt.NDArray[np.float16]  # (SECTORS, W / 2) slope of the lowest ray to ground beyond a ring, inf: none
 
 
 def above_ground(
@@ -48,6 +49,16 @@ def surface_of(ground: GroundMap) -> HeightMap:
     heights, measured = np.zeros((2, ground.width * ground.width), np.float32)
     heights[ground.cells], measured[ground.cells] = ground.heights, 1.0
     return _fill_gaps(*(grid.reshape(ground.width, ground.width) for grid in (heights, measured)))
+
+
+def rays_above(ground: GroundMap, places: Array) -> Array:
+    """Return (K,) metres, the height of the lowest ray over each of `places` (K, 2) to ground beyond; inf for none."""
+    x, y = (places - ground.origin[:2]).T
+    turn = np.copysign(0.25 * (1.0 - x / np.maximum(np.abs(x) + np.abs(y), 1e-9)), y) + 0.5  # as `rough_turn_of`
+    r = np.maximum(np.hypot(x, y), 1e-9)
+    last_sector, last_ring = np.array(ground.sight.shape) - 1
+    sector, ring = (turn * SECTORS).astype(np.int64), (r / ground.cell).astype(np.int64)
+    return ground.origin[2] + ground.sight[np.minimum(sector, last_sector), np.minimum(ring, last_ring)] * r
 
 
 def _fill_gaps(values: HeightMap, weights: HeightMap) -> HeightMap:

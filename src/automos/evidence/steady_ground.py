@@ -1,9 +1,10 @@
 """The ground that a scan sees, mended by what the scans just before it saw: the ground stands still.
 
 One scan cannot tell ground that rises from the lowest row of rays on a car behind a guard rail, and knows nothing of
-what its rows pass over. But other rows met the ground there a moment ago. What is higher than they say is no ground,
-and where a scan has seen none, theirs is taken. Nothing ever raises the ground: the long side of a tram looks even to
-every scan for as long as it passes.
+what its rows pass over. But other rows met the ground there a moment ago, or went through to ground behind. What is
+higher than the ground that they met around it is none, nor what stands out and would have stopped their rays. Where a
+scan has seen none, theirs is taken. Nothing ever raises the ground: the long side of a tram looks even to every scan
+for as long as it passes.
 """
 
 from collections.abc import Sequence
@@ -12,38 +13,64 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import uniform_filter
 
+from automos.core.scan import Mask
 from automos.evidence.ground import STEP
-from automos.evidence.height_map import MAX_STEP, GroundMap, surface_of
+from automos.evidence.height_map import MAX_STEP, GroundMap, rays_above, surface_of
 
 Cells = npt.NDArray[np.int64]
 Heights = npt.NDArray[np.float32]
 SCANS_BEFORE = 10  # whose ground is known: about a second
 ENOUGH = 100  # common cells from which on two maps are levelled with each other: poses without heights are given, too
+TOUCHING, SEVERAL = 0.05, 2
+"""Metres below a ray up to which ground would have stopped it, and scans of which rays must pass to say so."""
+BLOCK = 32  # cells, side of the squares over whose lowest cell what stands out does
 _EXACT = 1e-3  # metres to which heights are compared
 _AROUND = 5  # cells, side of the square whose ground is compared with its middle's
 
 
 def mended(ground: GroundMap, before: Sequence[GroundMap]) -> GroundMap:
     """Return the `ground` of a scan as it and the scans `before` saw it."""
-    if not ground.is_seen.any() or not before:
+    if not ground.is_seen.any():
         return ground
-    own = _on_grid(ground.cells, ground.heights, ground.width)
-    cells, heights = _middles(*_shifted_onto(ground, own, before))
-    if len(cells) == 0:
+    cells, heights = _middles(*_shifted_onto(ground, before))
+    n = len(cells)
+    if n == 0:
         return ground
-    known = _on_grid(cells, heights, ground.width)
-    around = _means_around(known)[ground.cells]
-    is_too_high = ground.heights - around > STEP  # False where nothing is known, NaN
-    ours = np.where(is_too_high, around, ground.heights)
-    is_new = np.isnan(own[cells]) & (heights - surface_of(ground).ravel()[cells] < MAX_STEP)
+    stops = _stops_rays(ground, np.append(cells, ground.cells), np.append(heights, ground.heights), before)
+    if stops[:n].all():
+        return ground
+    if stops.any():
+        likely = surface_of(ground._replace(cells=cells[~stops[:n]], heights=heights[~stops[:n]])).ravel()
+        stops[:n] &= heights - likely[cells] > STEP
+        stops[n:] &= ground.heights - likely[ground.cells] > STEP
+    cells, heights = cells[~stops[:n]], heights[~stops[:n]]
+    around = _means_around(_on_grid(cells, heights, ground.width))[ground.cells]
+    is_ground = ~stops[n:] & ~(ground.heights - around > STEP)  # NaN where nothing is known around
+    ground = ground._replace(cells=ground.cells[is_ground], heights=ground.heights[is_ground])
+    is_new = ~np.isin(cells, ground.cells) & (heights - surface_of(ground).ravel()[cells] < MAX_STEP)
     return ground._replace(
-        cells=np.concatenate([ground.cells, cells[is_new]]), heights=np.concatenate([ours, heights[is_new]])
+        cells=np.append(ground.cells, cells[is_new]), heights=np.append(ground.heights, heights[is_new])
     )
 
 
-def _shifted_onto(ground: GroundMap, own: Heights, before: Sequence[GroundMap]) -> tuple[Cells, Heights]:
-    """Return cells (K,) of the map `ground` that maps `before` know, and their heights, each map level with `own`."""
-    width, found = ground.width, [(np.zeros(0, np.int64), np.zeros(0, np.float32))]
+def _stops_rays(ground: GroundMap, cells: Cells, heights: Heights, before: Sequence[GroundMap]) -> Mask:
+    """Return (K,) which `cells` stand out at `heights` and would have stopped rays of several scans `before`."""
+    row, column = np.divmod(cells, ground.width)
+    block = (row // BLOCK) * ground.width + column // BLOCK
+    lowest = np.full(ground.width**2, np.inf, np.float32)
+    np.minimum.at(lowest, block, heights)
+    out = heights - lowest[block] > STEP
+    places = ground.corner + ground.cell * (np.stack([column, row], axis=-1)[out] + 0.5)
+    every_other = list(before)[::2]  # their rays say as much in half the time
+    stopped = [rays_above(other, places) < heights[out] + TOUCHING for other in every_other]
+    out[out] = np.sum(stopped, axis=0) >= SEVERAL
+    return out
+
+
+def _shifted_onto(ground: GroundMap, before: Sequence[GroundMap]) -> tuple[Cells, Heights]:
+    """Return cells (K,) of the map `ground` that maps `before` know, and their heights, each map level with it."""
+    width, own = ground.width, _on_grid(ground.cells, ground.heights, ground.width)
+    found = [(np.zeros(0, np.int64), np.zeros(0, np.float32))]
     for other in before:
         row, column = np.divmod(other.cells, width)
         right, down = np.round((other.corner - ground.corner) / ground.cell).astype(np.int64)

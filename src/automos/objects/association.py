@@ -22,10 +22,9 @@ MAX_COUNT_RATIO = 5.0  # greatest ratio of the numbers of points
 SIZE_WEIGHT = 4.0  # cost of a change of size, in squared standard deviations
 LEAST_SIDE = 0.1  # metres: of what is thinner, ratios of sides say nothing
 EVIDENCE_WEIGHT = 2.0  # cost of a change from all points moving to all static
-MISSED = 0.5  # cost of each scan without sight before: -2 log of 0.78, the share of objects missed that come again
 ANOTHER = 20.0
-"""Cost of the alternative to a pair: the object is missed, and the detection is of another one. Who is offered a piece
-beside its own whole, and a scrap the whole instead, are not swapped only because two pairs are more than one."""
+"""Cost of the alternative to a pair, that the object is not seen and the detection is of another one. So a piece beside
+its own whole, and a scrap that is offered the whole instead, are not swapped because two pairs are more than one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +34,8 @@ class Objects(kalman.Beliefs):
     track: Rows  # number
     unseen: Array  # seconds since the last observation
     misses: Rows  # scans since then
+    sights: Array  # scans in which it was observed
+    scans: Array  # scans since its first
     share: Array  # in [0, 1], moving share of the evidence so far
     count: Array  # of points at the last observation
 
@@ -79,10 +80,20 @@ def motion_cost(objects: Objects, found: Detections, noise: FilterSettings, sett
     is_possible &= thinning < np.log(MAX_COUNT_RATIO)
     # -2 log of the density's height: whose place is known explains a detection better than whose could be anywhere.
     vagueness = np.log(determinant) - 2.0 * np.log(noise.measurement_variance)
-    vagueness += MISSED * (objects.misses[k] - 1)
+    vagueness -= 2.0 * np.log(_chance(objects.sights, objects.scans))[k]
     price = squared + vagueness + climb + SIZE_WEIGHT * growth + thinning + EVIDENCE_WEIGHT * np.abs(settling)
     cost[k, j] = np.where(is_possible, price, np.inf)
     return cost
+
+
+def cost_of_none(objects: Objects) -> Array:
+    """Return (K, 1) what it costs that each object is not seen, and a detection is of another one."""
+    return ANOTHER - 2.0 * np.log(_chance(objects.scans - objects.sights, objects.scans))[:, None]
+
+
+def _chance(times: Array, of: Array) -> Array:
+    """Return the probability that what happened so many `times` happens now (Laplace's rule of succession)."""
+    return (times + 1.0) / (of + 2.0)
 
 
 def _overlap(mean: Array, offset: Array, yaw: Array, size: Array) -> Array:
@@ -110,15 +121,17 @@ def _mahalanobis(offset: Array, spread: Array) -> tuple[Array, Array]:
     return (c * x * x - 2.0 * b * x * y + a * y * y) / determinant, determinant
 
 
-def assign(cost: Array, alternative: float = np.inf) -> tuple[Rows, Rows]:
+def assign(cost: Array, alternative: Array | None = None) -> tuple[Rows, Rows]:
     """Return rows and columns of the assignment of least total cost, in which what has no pair costs `alternative`.
 
     By default that is the one with the most pairs and, among those, the least cost.
 
-    cost : (K, M), inf where a pair is forbidden. SciPy rejects rows of inf, so a large finite cost replaces inf.
+    cost : (K, M), inf where a pair is forbidden.   alternative : (K, 1)
     """
-    if np.isinf(alternative):
-        alternative = (cost.max(initial=0.0, where=np.isfinite(cost)) + 1.0) * (min(cost.shape) + 1)
+    if alternative is None:
+        alternative = (cost.max(initial=0.0, where=np.isfinite(cost)) + 1.0) * (
+            np.full((len(cost), 1), min(cost.shape)) + 1
+        )
     saved = np.minimum(cost - alternative, 0.0)
     rows, columns = linear_sum_assignment(saved)
     keep = saved[rows, columns] < 0.0

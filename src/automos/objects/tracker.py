@@ -19,7 +19,7 @@ import numpy.typing as npt
 from automos.core.geometry import Array
 from automos.core.scan import Mask
 from automos.objects import filter as kalman
-from automos.objects.association import ANOTHER, Objects, assign, association_cost, motion_cost
+from automos.objects.association import Objects, assign, association_cost, cost_of_none, motion_cost
 from automos.objects.detections import Detections
 from automos.objects.tracks import Tracks
 from automos.settings import TrackingSettings
@@ -53,10 +53,12 @@ class Tracker:
         """Return one row for every object after the next scan, at `stamp` seconds, with the segments `found`."""
         settings, dt = self._settings, 0.0 if self._last_stamp is None else stamp - self._last_stamp
         alive = kalman.predict(self._alive, dt, settings.filter)
-        alive = replace(alive, unseen=alive.unseen + dt, misses=alive.misses + 1)
-        alive = replace(alive, share=alive.share.copy(), count=alive.count.copy())  # they are written to
+        unseen, misses = alive.unseen + dt, alive.misses + 1
+        copies = {name: getattr(alive, name).copy() for name in ("share", "count", "sights")}  # they are written to
+        alive = replace(alive, unseen=unseen, misses=misses, **copies)
         matched, detected = assign(*_cost(alive, found, settings))
         _update(alive, found, matched, detected, settings)
+        alive = replace(alive, scans=alive.scans + 1.0)
         segment = np.full(len(alive), -1)
         segment[matched] = detected
 
@@ -121,14 +123,14 @@ def _start(found: Detections, settings: TrackingSettings) -> Objects:
         variance[share >= 0.5] = settings.gates.speed**2
     belief, zero = kalman.start(found.boxes, settings.filter, variance), np.zeros(n, np.int64)
     count = found.n_points.astype(np.float64)
-    return Objects(belief.mean, belief.covariance, zero, np.zeros(n), zero.copy(), share, count)
+    return Objects(belief.mean, belief.covariance, zero, np.zeros(n), zero.copy(), np.ones(n), np.ones(n), share, count)
 
 
-def _cost(objects: Objects, found: Detections, settings: TrackingSettings) -> tuple[Array, float]:
-    """Return the (K, M) cost of each pair, and that of having none."""
+def _cost(objects: Objects, found: Detections, settings: TrackingSettings) -> tuple[Array, Array | None]:
+    """Return the (K, M) cost of each pair, and what having none costs, if it is possible."""
     if settings.method == "paper":
-        return association_cost(objects.boxes(), found.boxes, settings.association), np.inf
-    return motion_cost(objects, found, settings.filter, settings.gates), ANOTHER
+        return association_cost(objects.boxes(), found.boxes, settings.association), None
+    return motion_cost(objects, found, settings.filter, settings.gates), cost_of_none(objects)
 
 
 def _update(alive: Objects, found: Detections, matched: Rows, detected: Rows, settings: TrackingSettings) -> None:
@@ -136,5 +138,6 @@ def _update(alive: Objects, found: Detections, matched: Rows, detected: Rows, se
     after = kalman.update(alive[matched], found.boxes[detected], settings.filter)
     alive.mean[matched], alive.covariance[matched] = after.mean, after.covariance
     alive.unseen[matched], alive.misses[matched] = 0.0, 0
+    alive.sights[matched] += 1.0
     alive.share[matched] = _MEMORY * alive.share[matched] + (1.0 - _MEMORY) * found.moving_share[detected]
     alive.count[matched] = found.n_points[detected]
