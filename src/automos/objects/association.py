@@ -87,7 +87,10 @@ def motion_cost(objects: Objects, found: Detections, noise: FilterSettings, sett
 
 
 def cost_of_none(objects: Objects) -> Array:
-    """Return (K, 1) what it costs that each object is not seen, and a detection is of another one."""
+    """Return (K, 1) what it costs that each object is not seen, and a detection is of another one.
+
+    Equation: chance
+    """
     return ANOTHER - 2.0 * np.log(_chance(objects.scans - objects.sights, objects.scans))[:, None]
 
 
