@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from free_space_worlds import ListFrames, watch, within
@@ -147,6 +149,19 @@ def test_a_run_taken_up_later_gives_the_same(busy):
     later = evidence_of(frames, start=30)
     assert sorted(later) == list(range(30, 40))
     np.testing.assert_array_equal(later[33][0], evidence[33][0])
+
+
+def test_the_ground_before_a_pause_is_not_that_of_after(quiet):
+    frames = list(quiet[0])[:12]
+    lift = make_transform(t=[0.0, 0.0, -0.5])
+    later = [replace(f, stamp=f.stamp + 100.0, T_level_sensor=lift @ f.T_level_sensor) for f in frames]
+
+    def heights(of):
+        space = FreeSpace(ListFrames(of), np.array([f.stamp for f in of]), CandidatesSettings())
+        return [seen.height for _, seen, _ in space.collect()]
+
+    for alone, after in zip(heights(later), heights(frames + later)[12:], strict=True):
+        np.testing.assert_array_equal(alone, after)
 
 
 def test_one_scan_alone_is_unknown_throughout():

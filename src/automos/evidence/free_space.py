@@ -60,7 +60,8 @@ class FreeSpace:
     def collect(self, start: int = 0, stop: int | None = None) -> Iterator[tuple[int, Seen, Net]]:
         """Yield index, observations and evidence (`ask`) of each frame from `start` to before `stop`, in order.
 
-        Each frame is read once. The result does not depend on `start` and `stop`.
+        Each frame is read twice: for its ground, which later ones need, and for its rays. The result does not depend on
+        `start` and `stop`.
         """
         todo = range(start, len(self.frames) if stop is None else stop)
         partners = {i: self.partners(i) for i in todo}
@@ -89,7 +90,8 @@ class FreeSpace:
 
     def _start_look(self, index: int, grounds: dict[int, Future[GroundMap]], pool: ThreadPoolExecutor) -> Future[Seen]:
         """Start the look at a scan, after those of `grounds` that it needs and that are missing."""
-        needed = range(max(index - SCANS_BEFORE, 0), index + 1)
+        reach = self.stamps[index] - max(self.settings.free_space.spans)  # what was before a pause is not asked
+        needed = range(max(index - SCANS_BEFORE, int(np.searchsorted(self.stamps, reach))), index + 1)
         for k in needed:
             if k not in grounds:
                 grounds[k] = pool.submit(self._map_ground, k)
