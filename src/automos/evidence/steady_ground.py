@@ -15,7 +15,7 @@ from scipy.ndimage import uniform_filter
 
 from automos.core.scan import Mask
 from automos.evidence.ground import STEP
-from automos.evidence.height_map import MAX_STEP, GroundMap, rays_above, surface_of
+from automos.evidence.height_map import GroundMap, rays_above, surface_of
 
 Cells = npt.NDArray[np.int64]
 Heights = npt.NDArray[np.float32]
@@ -47,7 +47,7 @@ def mended(ground: GroundMap, before: Sequence[GroundMap]) -> GroundMap:
     around = _means_around(_on_grid(cells, heights, ground.width))[ground.cells]
     is_ground = ~stops[n:] & ~(ground.heights - around > STEP)  # NaN where nothing is known around
     ground = ground._replace(cells=ground.cells[is_ground], heights=ground.heights[is_ground])
-    is_new = ~np.isin(cells, ground.cells) & (heights - surface_of(ground).ravel()[cells] < MAX_STEP)
+    is_new = ~np.isin(cells, ground.cells) & (heights - surface_of(ground).ravel()[cells] < STEP)
     return ground._replace(
         cells=np.append(ground.cells, cells[is_new]), heights=np.append(ground.heights, heights[is_new])
     )
