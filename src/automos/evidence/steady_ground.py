@@ -3,8 +3,8 @@
 One scan cannot tell ground that rises from the lowest row of rays on a car behind a guard rail, and knows nothing of
 what its rows pass over. But other rows met the ground there a moment ago, or went through to ground behind. What is
 higher than the ground that they met around it is none, nor what stands out and would have stopped their rays. Where a
-scan has seen none, theirs is taken. Nothing ever raises the ground: the long side of a tram looks even to every scan
-for as long as it passes.
+scan has seen none, theirs is taken, unless it is a step above the scan's own: the long side of a tram looks even for as
+long as it passes, and who creeps leaves his shoes to the scans after.
 """
 
 from collections.abc import Sequence
