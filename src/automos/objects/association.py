@@ -132,9 +132,8 @@ def assign(cost: Array, alternative: Array | None = None) -> tuple[Rows, Rows]:
     cost : (K, M), inf where a pair is forbidden.   alternative : (K, 1)
     """
     if alternative is None:
-        alternative = (cost.max(initial=0.0, where=np.isfinite(cost)) + 1.0) * (
-            np.full((len(cost), 1), min(cost.shape)) + 1
-        )
+        above_all = cost.max(initial=0.0, where=np.isfinite(cost)) + 1.0
+        alternative = np.full((len(cost), 1), above_all * (min(cost.shape) + 1))
     saved = np.minimum(cost - alternative, 0.0)
     rows, columns = linear_sum_assignment(saved)
     keep = saved[rows, columns] < 0.0
