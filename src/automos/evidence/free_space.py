@@ -22,10 +22,9 @@ from automos.core.arrays import evenly_spread
 from automos.core.geometry import Array, inverse
 from automos.core.range_image import RangeImage
 from automos.core.scan import Frames, Mask
-from automos.evidence.ground import map_ground
 from automos.evidence.height_map import GroundMap
 from automos.evidence.look_through import look_through, tolerances_of
-from automos.evidence.observations import Seen, View, learn_lidars, look
+from automos.evidence.observations import Seen, View, ground_of, learn_lidars, look
 from automos.evidence.steady_ground import SCANS_BEFORE, mended
 from automos.evidence.votes import Votes, count_hits, sum_votes, weigh_looks
 from automos.settings import CandidatesSettings, FreeSpaceSettings
@@ -99,8 +98,7 @@ class FreeSpace:
         return pool.submit(self._look, index, [grounds[k] for k in needed])
 
     def _map_ground(self, index: int) -> GroundMap:
-        frame = self.frames[index]
-        return map_ground(frame.points_level, frame.origin_level, self.settings.ground)
+        return ground_of(self.frames[index], self.settings.ground)
 
     def _look(self, index: int, grounds: list[Future[GroundMap]]) -> Seen:
         *before, own = (ground.result() for ground in grounds)

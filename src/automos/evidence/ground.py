@@ -63,13 +63,14 @@ def map_ground(points_level: npt.NDArray, origin_level: Array, settings: GroundS
     corner = (np.floor(origin[:2] / cell) - n_rings) * cell
     sums, counts = (grid.ravel() for grid in _add_ground_points(points_level, origin, lowest, is_ground, corner, cell))
     cells, bottom = np.flatnonzero(counts), origin[2] + lowest.min(where=np.isfinite(lowest), initial=0.0)
-    is_seen, heights, sight = is_seen & is_ground.any(), sums[cells] / counts[cells], _sight_lines(lowest, is_ground)
-    return GroundMap(origin, corner, cell, 2 * n_rings, cells, heights, is_seen, bottom, sight / np.float16(cell))
+    is_seen, heights = is_seen & is_ground.any(), sums[cells] / counts[cells]
+    sight = _sight_lines(lowest, is_ground, cell)
+    return GroundMap(origin, corner, cell, 2 * n_rings, cells, heights, is_seen, bottom, sight)
 
 
-def _sight_lines(lowest: npt.NDArray, is_ground: Mask) -> npt.NDArray[np.float16]:
-    """Return (S, R) metres per ring, the slope of the lowest ray that passes over each ring to ground beyond."""
-    slopes = np.where(is_ground, lowest, np.inf) / (np.arange(lowest.shape[1]) + 0.5)
+def _sight_lines(lowest: npt.NDArray, is_ground: Mask, cell: float) -> npt.NDArray[np.float16]:
+    """Return (S, R) the slope of the lowest ray that passes over each ring to ground beyond."""
+    slopes = np.where(is_ground, lowest, np.inf) / (cell * (np.arange(lowest.shape[1]) + 0.5))
     lowest_from_here_on = np.minimum.accumulate(slopes[:, ::-1], axis=1)[:, ::-1]
     return np.pad(lowest_from_here_on[:, 1:], ((0, 0), (0, 1)), constant_values=np.inf).astype(np.float16)
 

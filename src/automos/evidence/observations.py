@@ -17,7 +17,7 @@ from automos.core.range_image import RangeImage, find_neighbours, make_image, pr
 from automos.core.scan import EGO_BODY, GROUND, OBJECT, SPECK, Frame, Frames, Mask, Pose
 from automos.evidence.clouds import in_clouds
 from automos.evidence.ego_body import find_ego_body
-from automos.evidence.ground import find_ground
+from automos.evidence.ground import find_ground, map_ground
 from automos.evidence.height_map import GroundMap, above_ground
 from automos.evidence.on_body import is_on_body
 from automos.settings import CandidatesSettings, GroundSettings
@@ -72,6 +72,11 @@ def with_body(lidars: list[Lidar], frames: Frames, settings: CandidatesSettings,
 
     about = is_ground, settings, threads
     return [replace(lidar, body=find_ego_body(frames, lidar, *about)) for lidar in lidars]
+
+
+def ground_of(frame: Frame, settings: GroundSettings) -> GroundMap:
+    """Return the ground that `frame` alone shows."""
+    return map_ground(frame.points_level, frame.origin_level, settings)
 
 
 def look(frame: Frame, lidars: list[Lidar], ground: GroundMap, settings: GroundSettings) -> Seen:

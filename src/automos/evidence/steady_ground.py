@@ -44,7 +44,7 @@ def mended(ground: GroundMap, before: Sequence[GroundMap]) -> GroundMap:
         stops[:n] &= heights - likely[cells] > STEP
         stops[n:] &= ground.heights - likely[ground.cells] > STEP
     cells, heights = cells[~stops[:n]], heights[~stops[:n]]
-    around = _means_around(_on_grid(cells, heights, ground.width))[ground.cells]
+    around = _means_around(cells, heights, ground.width)[ground.cells]
     is_ground = ~stops[n:] & ~(ground.heights - around > STEP)  # NaN where nothing is known around
     ground = ground._replace(cells=ground.cells[is_ground], heights=ground.heights[is_ground])
     is_new = ~np.isin(cells, ground.cells) & (heights - surface_of(ground).ravel()[cells] < STEP)
@@ -69,7 +69,8 @@ def _stops_rays(ground: GroundMap, cells: Cells, heights: Heights, before: Seque
 
 def _shifted_onto(ground: GroundMap, before: Sequence[GroundMap]) -> tuple[Cells, Heights]:
     """Return cells (K,) of the map `ground` that maps `before` know, and their heights, each map level with it."""
-    width, own = ground.width, _on_grid(ground.cells, ground.heights, ground.width)
+    width, own = ground.width, np.full(ground.width**2, np.nan, np.float32)
+    own[ground.cells] = ground.heights
     found = [(np.zeros(0, np.int64), np.zeros(0, np.float32))]
     for other in before:
         row, column = np.divmod(other.cells, width)
@@ -92,20 +93,10 @@ def _middles(cells: Cells, heights: Heights) -> tuple[Cells, Heights]:
     return middle >> 32, ((middle & 0xFFFFFFFF) * _EXACT + lowest).astype(np.float32)
 
 
-def _on_grid(cells: Cells, heights: Heights, width: int) -> Heights:
-    """Return (width * width,) the heights of all cells, NaN where unknown."""
-    grid = np.full(width * width, np.nan, np.float32)
-    grid[cells] = heights
-    return grid
-
-
-def _means_around(grid: Heights) -> Heights:
-    """Return (W * W,) the mean of the known values of `grid` (W * W,) around each cell, NaN where there is none."""
-    width = round(np.sqrt(len(grid)))
-    known = np.isfinite(grid)
-    total, share = (
-        uniform_filter(values.reshape(width, width).astype(np.float64), _AROUND, mode="constant").ravel()
-        for values in (np.where(known, grid, 0.0), known)
-    )
+def _means_around(cells: Cells, heights: Heights, width: int) -> Heights:
+    """Return (width * width,) the mean of the known `heights` around each cell, NaN where there is none."""
+    grids = np.zeros((2, width * width))
+    grids[0, cells], grids[1, cells] = heights, 1.0
+    total, share = (uniform_filter(grid.reshape(width, width), _AROUND, mode="constant").ravel() for grid in grids)
     is_any = share > 0.5 / _AROUND**2
-    return np.divide(total, share, out=np.full(len(grid), np.nan), where=is_any).astype(np.float32)
+    return np.divide(total, share, out=np.full(len(share), np.nan), where=is_any).astype(np.float32)

@@ -5,8 +5,7 @@ from dataclasses import replace
 
 from automos.core.beam_pattern import Lidar
 from automos.core.scan import Frame, Pose
-from automos.evidence.ground import map_ground
-from automos.evidence.observations import Seen, look
+from automos.evidence.observations import Seen, ground_of, look
 from automos.online.evidence import EvidenceWindow, as_partner
 from automos.settings import GroundSettings
 
@@ -24,8 +23,7 @@ class Renewal:
             self._futures[frame.stamp] = self._pool.submit(self._look, frame, lidars, is_kept)
 
     def _look(self, frame: Frame, lidars: list[Lidar], is_kept: bool) -> tuple[Frame | None, Seen, Pose]:
-        ground, T = map_ground(frame.points_level, frame.origin_level, self._ground), frame.T_level_sensor
-        seen = look(frame, lidars, ground, self._ground)
+        seen, T = look(frame, lidars, ground_of(frame, self._ground), self._ground), frame.T_level_sensor
         return (frame, seen, T) if is_kept else (None, as_partner(seen), T)
 
     def take_over(self, T_after_before: Pose, window: EvidenceWindow) -> dict[float, tuple[Frame, Seen]]:

@@ -9,9 +9,8 @@ import numpy as np
 from automos.core.beam_pattern import Lidar
 from automos.core.geometry import inverse, make_transform
 from automos.core.scan import Frame, Pose, Scan
-from automos.evidence.ground import map_ground
 from automos.evidence.height_map import GroundMap
-from automos.evidence.observations import Seen, look
+from automos.evidence.observations import Seen, ground_of, look
 from automos.evidence.steady_ground import SCANS_BEFORE, mended
 from automos.odometry.compensation import frame_of
 from automos.odometry.estimator import Odometry
@@ -91,7 +90,7 @@ class Sightings:
         self._learner.add(frame)
         lidars = self._learner.lidars
         about = self._settings.candidates.ground
-        ground = map_ground(frame.points_level, frame.origin_level, about)
+        ground = ground_of(frame, about)
         seen = look(frame, lidars, mended(ground, self._grounds), about) if lidars else None
         self._grounds.append(ground)
         refined = {stamp: self._T_level_world @ T for stamp, T in moved.refined.items()}

@@ -180,13 +180,17 @@ def _rows(pool: list[bytes], size: int) -> Rows:
 
 def _gain(rows: Rows) -> float:
     """Return how many bits a byte of `rows` takes less in a code for each place of a record than in one for all."""
-    return _code_length(rows.reshape(-1, 1)) - _code_length(rows)
-
-
-def _code_length(rows: Rows) -> float:
-    """Return the bits that a byte takes in a code for each place of a record, with what it takes to tell the codes."""
-    n, size = rows.shape
+    size = rows.shape[1]
     counts = np.bincount((rows + 256 * np.arange(size)).ravel(), minlength=256 * size).reshape(size, 256)
+    return _code_length(counts.sum(axis=0, keepdims=True)) - _code_length(counts)
+
+
+def _code_length(counts: npt.NDArray[np.int64]) -> float:
+    """Return the bits that a byte takes in one code for each row of `counts` (P, 256), with what it takes to tell them.
+
+    Every code is of as many bytes.
+    """
+    n = counts[0].sum()
     share = counts / n
     entropy = -np.sum(share * np.log2(share, where=share > 0, out=np.zeros_like(share)))
-    return float((entropy + 0.5 * np.log2(n) / n * np.sum((counts > 0).sum(axis=1) - 1)) / size)
+    return float((entropy + 0.5 * np.log2(n) / n * np.sum((counts > 0).sum(axis=1) - 1)) / len(counts))
