@@ -23,8 +23,8 @@ from automos.core.geometry import make_transform
 from automos.core.made_up_sweep import BOX, HEIGHT, SPEED, box_center, made_up_sweep
 from automos.core.parallel import available_cores, end_with
 from automos.core.scan import GROUND, OBJECT
+from automos.core.stages import Arrays
 from automos.core.working_folder import SAFE_PATH
-from automos.core.workspace import Arrays
 from automos.evidence.stage import candidates_of
 from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.trajectory import Trajectory

@@ -9,9 +9,9 @@ import numpy.typing as npt
 from rich.console import Console
 
 from automos.core.arguments import require_kind
-from automos.core.array_sequence import as_sequence
 from automos.core.atomic import held
 from automos.core.errors import InputError
+from automos.core.own_sequence import as_sequence
 from automos.core.pose_files import read_calib, read_poses
 from automos.core.progress import StageProgress
 from automos.core.run import Progress

@@ -8,8 +8,8 @@ decided in `objects/judge.py`, or in `objects/paper/verdict.py` for the preset `
 
 Only this file defines the order of the stages. Each is one call: `odometry/estimate.py`, `evidence/stage.py`,
 `objects/instances.py`, `objects/tracking.py`, `objects/labels.py`. A stage takes the results of the earlier stages and
-stores its own in the workspace, scan by scan if possible. A stage whose results exist already, for the same recording
-and settings, is not run again.
+stores its own, scan by scan if possible. A stage whose results exist already, for the same recording and settings, is
+not run again.
 """
 
 from collections.abc import Mapping
@@ -25,7 +25,7 @@ from automos.core.labels import as_probability
 from automos.core.parallel import checked_workers
 from automos.core.run import Progress, Run, Tick
 from automos.core.scan import Pose, Sequence
-from automos.core.workspace import Arrays, Stage, Workspace, fingerprint
+from automos.core.stages import Arrays, Stage, Stages, fingerprint
 from automos.evidence.published import handed_in
 from automos.evidence.stage import find_candidates
 from automos.objects.instances import find_segments
@@ -80,7 +80,7 @@ def find_labels(
     sequence: Sequence,
     settings: Settings,
     poses: Pose | None = None,
-    workspace: Workspace | None = None,
+    workspace: Stages | None = None,
     workers: int = 0,
     progress: Progress | None = None,
 ) -> Found:
@@ -88,7 +88,7 @@ def find_labels(
 
     poses : (N, 4, 4) T_world_sensor to use instead of odometry.   workers : processes, 0: one per core.
     """
-    workspace = workspace or Workspace()
+    workspace = workspace or Stages()
     steps = Steps(sequence, settings, poses, workspace, workers, progress)
     labels = steps.labels()
     workspace.keep_only(steps.run.keys)
@@ -110,14 +110,14 @@ class Steps:
         sequence: Sequence,
         settings: Settings,
         poses: Pose | None = None,
-        workspace: Workspace | None = None,
+        workspace: Stages | None = None,
         workers: int = 0,
         progress: Progress | None = None,
     ):
         """Take the arguments of `find_labels`."""
         self.sequence, self.settings, self.poses = sequence, settings, poses
         self.workers = checked_workers(workers)
-        workspace = workspace or Workspace()
+        workspace = workspace or Stages()
         workspace.require_names(sequence.names, len(sequence))
         self.run = Run(workspace, stage_keys(sequence, settings, poses), sequence.names, progress)
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import automos
-from automos.core.array_sequence import ArraySequence, as_sequence
+from automos.core.array_sequence import ArraySequence
 from automos.core.errors import InputError
-from automos.core.own_sequence import OwnSequence
+from automos.core.own_sequence import OwnSequence, as_sequence
 from automos.core.scan import Scan, Sequence
 
 POINTS = np.random.default_rng(1).uniform(-20.0, 20.0, (5, 300, 3)).astype(np.float32)

@@ -7,8 +7,8 @@ from street_log import street_log
 
 from automos.core.errors import InputError
 from automos.core.pose_writers import write_kitti
-from automos.core.recording_warnings import recording_warnings
 from automos.readers import open_recordings, open_sequence
+from automos.results.recording_warnings import recording_warnings
 
 
 def write_sequence(folder, log, labels=None):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from automos.core.array_sequence import as_sequence
 from automos.core.errors import InputError
+from automos.core.own_sequence import as_sequence
 from automos.readers import find_recordings, npy, open_recordings, open_sequence
 
 BEAMS, STEPS, SCANS = 16, 90, 12

@@ -11,10 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.arguments import require_kind
-from automos.core.array_rows import are_scans
 from automos.core.arrays import as_array
 from automos.core.errors import InputError
-from automos.core.own_sequence import OwnSequence
 from automos.core.scan import Mask, Scan, Sequence
 
 
@@ -113,34 +111,6 @@ class ArraySequence(Sequence):
         if self._stamps is not None:
             digest.update(self._stamps.tobytes())
         return f"{super().fingerprint()}:{digest.hexdigest()}"
-
-
-def as_sequence(recording: Sequence | Iterable[Scan | npt.ArrayLike]) -> Sequence:
-    """Return `recording` where it is a sequence (what a caller's own class gives is checked), else that of its scans.
-
-    Raises
-    ------
-    InputError : it is a path, one single array of points, empty, or holds what is not a scan.
-    """
-    if isinstance(recording, Sequence):
-        is_ours = type(recording).__module__.partition(".")[0] == __name__.partition(".")[0]
-        return recording if is_ours else OwnSequence(recording)
-    if isinstance(recording, str | Path):
-        raise InputError(f"a path is opened first: automos.open_sequence({str(recording)!r}) is what label takes")
-    if isinstance(recording, np.ndarray) and recording.ndim in (2, 3) and recording.dtype.kind in "fiu":
-        are = recording.ndim == 3 and are_scans(recording)
-        if not are:
-            is_what = (
-                "is one scan" if are is False else f"may be {len(recording)} scans or one, as its points do not tell"
-            )
-            raise InputError(f"one array of shape {recording.shape} {is_what}: give a list with an array for each scan")
-    try:
-        sequence = ArraySequence(list(recording))
-    except (TypeError, ValueError, NotImplementedError) as error:  # the last is what views of memory say of rows
-        raise InputError(f"a recording is a sequence or a list of (N, 3) arrays, metres: {error}") from None
-    if not len(sequence):
-        raise InputError("a list without scans is not a recording: give an array for each scan")
-    return sequence
 
 
 def as_scan(scan: Scan | npt.ArrayLike, stamp: float | None = None) -> Scan:

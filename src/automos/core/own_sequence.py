@@ -1,5 +1,9 @@
-"""A sequence class of the caller's own, checked: InputError for a value that does not fit, when it is read."""
+"""What callers give as a recording, checked: a list of scans, or a sequence class of their own.
 
+Of a class, InputError for a value that does not fit, when it is read.
+"""
+
+from collections.abc import Iterable
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -7,10 +11,40 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.array_rows import are_scans
+from automos.core.array_sequence import ArraySequence
 from automos.core.arrays import as_array
 from automos.core.errors import InputError
 from automos.core.scan import Mask, Pose, Scan, Sequence
 from automos.core.upright_boxes import TrueBoxes
+
+
+def as_sequence(recording: Sequence | Iterable[Scan | npt.ArrayLike]) -> Sequence:
+    """Return `recording` where it is a sequence (what a caller's own class gives is checked), else that of its scans.
+
+    Raises
+    ------
+    InputError : it is a path, one single array of points, empty, or holds what is not a scan.
+    """
+    if isinstance(recording, Sequence):
+        is_ours = type(recording).__module__.partition(".")[0] == __name__.partition(".")[0]
+        return recording if is_ours else OwnSequence(recording)
+    if isinstance(recording, str | Path):
+        raise InputError(f"a path is opened first: automos.open_sequence({str(recording)!r}) is what label takes")
+    if isinstance(recording, np.ndarray) and recording.ndim in (2, 3) and recording.dtype.kind in "fiu":
+        are = recording.ndim == 3 and are_scans(recording)
+        if not are:
+            is_what = (
+                "is one scan" if are is False else f"may be {len(recording)} scans or one, as its points do not tell"
+            )
+            raise InputError(f"one array of shape {recording.shape} {is_what}: give a list with an array for each scan")
+    try:
+        sequence = ArraySequence(list(recording))
+    except (TypeError, ValueError, NotImplementedError) as error:  # the last is what views of memory say of rows
+        raise InputError(f"a recording is a sequence or a list of (N, 3) arrays, metres: {error}") from None
+    if not len(sequence):
+        raise InputError("a list without scans is not a recording: give an array for each scan")
+    return sequence
 
 
 class OwnSequence(Sequence):

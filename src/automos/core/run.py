@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from automos.core.blas import one_blas_thread
 from automos.core.parallel import return_memory
-from automos.core.workspace import Arrays, Stage, Workspace
+from automos.core.stages import Arrays, Stage, Stages
 
 Progress = Callable[[str, int, int], None]
 """Called with a stage's name, the scans done and their total."""
@@ -17,19 +17,19 @@ Tick = Callable[[int, int], None]
 
 
 class Run:
-    """Runs stages whose results are not in the workspace yet."""
+    """Runs stages whose results are not there yet."""
 
-    def __init__(self, workspace: Workspace, keys: dict[str, str], names: list[str], progress: Progress | None = None):
+    def __init__(self, stages: Stages, keys: dict[str, str], names: list[str], progress: Progress | None = None):
         """Take where results are kept, each stage's fingerprint, and the scans' names."""
         self.keys = keys
         self.names = names
         self.seconds = dict.fromkeys(keys, 0.0)
-        self._workspace = workspace
+        self._stages = stages
         self._progress = progress or (lambda name, done, total: None)
 
     def once(self, name: str, make: Callable[[Tick], Arrays]) -> dict[str, npt.NDArray]:
         """Return the results of a stage that treats the recording as a whole; `make` is given a progress callback."""
-        stage = self._workspace.stage(name, self.keys[name])
+        stage = self._stages.stage(name, self.keys[name])
         if not stage.has("all"):
             with self._timed(name):
                 stage.save("all", make(lambda done, total: self._progress(name, done, total)))
@@ -43,7 +43,7 @@ class Run:
         `make` is given the missing ones and yields them in order.
         """
         scans = range(len(self.names)) if scans is None else scans
-        stage = self._workspace.stage(name, self.keys[name])
+        stage = self._stages.stage(name, self.keys[name])
         missing = [i for i in scans if not stage.has(self.names[i])]
         if missing:
             with self._timed(name):
@@ -56,7 +56,7 @@ class Run:
 
     def fill(self, name: str, results: Mapping[str, Arrays]) -> None:
         """Take `results` of a stage, by scan or as "all", as if it had made them."""
-        stage = self._workspace.stage(name, self.keys[name])
+        stage = self._stages.stage(name, self.keys[name])
         for key, arrays in results.items():
             stage.save(key, arrays)
 

@@ -2,14 +2,11 @@
 
 The results of a stage are stored under a fingerprint of their inputs (recording, settings, version, earlier stages),
 one file per scan, written under a temporary name and then renamed. So existing files are complete, and results of other
-settings are never read. The same interface keeps results in memory for callers that want no files.
+settings are never read.
 """
 
-import hashlib
-import json
 import zipfile
-from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -23,9 +20,8 @@ from automos.core.claims import RESULTS, claim
 from automos.core.errors import InputError
 from automos.core.reading import DAMAGE, parsed_again, read_json, require_regular
 from automos.core.run_record import RunRecord
+from automos.core.stages import Arrays, Stage, Stages, fingerprint
 
-Arrays = Mapping[str, npt.NDArray]
-PerScan = Iterable[tuple[int, Arrays]]
 RUN_FILE = "run.json"
 COMPLETE = "complete.json"
 UNFINISHED = "unfinished"
@@ -38,12 +34,6 @@ LONGEST_NAME = 230
 """Bytes of a scan's name: systems allow 255, and what is half-written bears a suffix and a random number, too."""
 
 
-def fingerprint(*parts: object) -> str:
-    """Return 16 hexadecimal digits that change when any of `parts` (anything JSON can write, or str) does."""
-    text = json.dumps(parts, sort_keys=True, default=str)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
 def require_same(name: str, n_points: int, kind: npt.NDArray) -> None:
     """Raise InputError if scan `name` has not as many points of use as (M,) `kind` was found of: it has changed."""
     if n_points != len(kind):
@@ -51,37 +41,6 @@ def require_same(name: str, n_points: int, kind: npt.NDArray) -> None:
             f"scan {name} has {n_points} points of use and had {len(kind)} when it was labelled: label the recording "
             "again, or give the one that the results were made from"
         )
-
-
-class Stage:
-    """Results of one stage for one recording and one set of settings: named groups of arrays."""
-
-    def has(self, name: str) -> bool:
-        """Return whether `name` was saved."""
-        raise NotImplementedError
-
-    def save(self, name: str, arrays: Arrays) -> None:
-        """Keep `arrays` under `name`."""
-        raise NotImplementedError
-
-    def load(self, name: str, *keys: str) -> dict[str, npt.NDArray]:
-        """Return the arrays saved under `name`: those named by `keys`, all where none is named."""
-        raise NotImplementedError
-
-
-class _MemoryStage(Stage):
-    def __init__(self) -> None:
-        self._groups: dict[str, dict[str, npt.NDArray]] = {}
-
-    def has(self, name: str) -> bool:
-        return name in self._groups
-
-    def save(self, name: str, arrays: Arrays) -> None:
-        self._groups[name] = dict(arrays)
-
-    def load(self, name: str, *keys: str) -> dict[str, npt.NDArray]:
-        group = self._groups[name]
-        return {key: group[key] for key in keys or group}
 
 
 class _FolderStage(Stage):
@@ -162,7 +121,7 @@ def _is_file_name(name: str) -> bool:
         return False
 
 
-class Workspace:
+class Workspace(Stages):
     """Where the results of a run are kept: a results folder, or memory.
 
     Parameters
@@ -188,20 +147,15 @@ class Workspace:
     """
 
     def __init__(self, root: str | Path | None = None):
+        super().__init__()
         self.root = None if root is None else given_path(root, "the folder of a Workspace")
-        self._in_memory: dict[str, Stage] = {}
 
     def __repr__(self) -> str:
         return f"<Workspace {'in memory' if self.root is None else self.root}>"
 
     def require_names(self, names: list[str], n_scans: int) -> None:
         """Raise InputError if results of `n_scans` scans cannot be kept under `names`: files, if there is a root."""
-        are_texts = isinstance(names, list) and all(isinstance(name, str) for name in names)
-        if not are_texts or len(names) != n_scans:
-            raise InputError(f"the names of {n_scans} scans are {names!r:.80}: give a list with a text for each scan")
-        twice = next((name for name, times in Counter(names).items() if times > 1), None)
-        if twice is not None:
-            raise InputError(f"two scans are named {twice!a:.80}: give each scan a name of its own")
+        super().require_names(names, n_scans)
         unfit = None if self.root is None else next((name for name in names if not _is_file_name(name)), None)
         if unfit is not None:
             raise InputError(
@@ -212,7 +166,7 @@ class Workspace:
     def stage(self, name: str, key: str) -> Stage:
         """Return the stage `name` as made under fingerprint `key`."""
         if self.root is None:
-            return self._in_memory.setdefault(f"{name}-{key}", _MemoryStage())
+            return super().stage(name, key)
         if not self.root.exists():
             claim(self.root, RESULTS)
         return _FolderStage(self.root / "stages" / f"{name}-{key}")
@@ -220,7 +174,7 @@ class Workspace:
     def keep_only(self, keys: Mapping[str, str]) -> None:
         """Remove stages made under other fingerprints than `keys` (stage name: fingerprint), and halves of files."""
         if self.root is None:
-            return
+            return super().keep_only(keys)
         wanted = {f"{name}-{key}" for name, key in keys.items()}
         for folder in (self.root / "stages").glob("*"):
             remove_parts(folder)

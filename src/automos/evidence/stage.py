@@ -9,7 +9,7 @@ from automos.core.arrays import evenly_spread
 from automos.core.beam_pattern import learn_pattern, ray_steps
 from automos.core.parallel import available_cores
 from automos.core.scan import EGO_BODY, GROUND, OBJECT, Frames
-from automos.core.workspace import Arrays, PerScan
+from automos.core.stages import Arrays, PerScan
 from automos.evidence.free_space import PATTERN_SCANS, FreeSpace
 from automos.evidence.ground import find_ground
 from automos.evidence.published import handed_in

@@ -16,8 +16,8 @@ import numpy.typing as npt
 from automos.core.geometry import Array
 from automos.core.parallel import map_in_order
 from automos.core.scan import Frames, Mask
+from automos.core.stages import Stage
 from automos.core.upright_boxes import Boxes
-from automos.core.workspace import Stage
 from automos.objects.kinds import whole_extent
 from automos.objects.motion import smooth_paths
 from automos.objects.object_points import tracks_of_points

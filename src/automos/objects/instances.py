@@ -6,7 +6,7 @@ import numpy as np
 
 from automos.core.parallel import map_in_order
 from automos.core.scan import OBJECT, Frame, Frames
-from automos.core.workspace import Arrays, PerScan, Stage
+from automos.core.stages import Arrays, PerScan, Stage
 from automos.objects.detect import detect_objects
 from automos.objects.detections import Detections
 from automos.objects.paper.instances import find_instances

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from automos.core.labels import Label
 from automos.core.parallel import map_in_order
 from automos.core.scan import EGO_BODY, GROUND, Frame
-from automos.core.workspace import Arrays, PerScan
+from automos.core.stages import Arrays, PerScan
 from automos.objects.detections import Detections
 from automos.objects.object_points import find_moved, paint_objects, point_confidence, tracks_of_points
 from automos.objects.paper.painting import paint_points

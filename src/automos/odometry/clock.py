@@ -10,11 +10,14 @@ import numpy as np
 from automos.core.arrays import as_array
 from automos.core.errors import InputError
 from automos.core.geometry import Array
-from automos.core.recording_warnings import GAP, USUAL_RATE
 from automos.core.scan import LATEST, Sequence
 from automos.settings import RecordingSettings
 
+USUAL_RATE = 10.0
+"""Scans a second where nobody says how many there are."""
 USUAL_PERIOD = 1.0 / USUAL_RATE  # seconds
+GAP = 1.5
+"""Times the usual step of the clock from which scans are missing."""
 MOST_UNEVEN = 1e-7  # least ratio of the shortest time between scans to the usual one: no clock resolves both
 SHORTEST_PERIOD = 1e-3  # seconds: no sensor has a shorter period
 LONGEST_GAP = 10.0  # seconds that a gap counts at most: over a longer pause, the motion before it says nothing

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from automos.core.labels import Label
 from automos.core.scan import OBJECT, Pose
-from automos.core.workspace import Arrays
+from automos.core.stages import Arrays
 from automos.objects.detections import Detections
 from automos.objects.tracks import Tracks
 

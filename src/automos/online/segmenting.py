@@ -14,7 +14,7 @@ import numpy as np
 from automos.core.beam_pattern import Lidar, ray_steps
 from automos.core.geometry import inverse
 from automos.core.scan import Frame, Pose, Scan
-from automos.core.workspace import Arrays
+from automos.core.stages import Arrays
 from automos.evidence.observations import Seen
 from automos.evidence.stage import candidates_of
 from automos.objects.detect import recount

@@ -22,7 +22,6 @@ from automos.core.atomic import remove_parts, write_text
 from automos.core.claims import remove
 from automos.core.labels import as_probability
 from automos.core.pose_writers import write_kitti, write_tum
-from automos.core.recording_warnings import recording_warnings, scan_rate
 from automos.core.run import Progress
 from automos.core.scan import Sequence
 from automos.core.workspace import COMPLETE, RUN_FILE, UNFINISHED, Workspace
@@ -33,6 +32,7 @@ from automos.odometry.trajectory import Trajectory
 from automos.pipeline import Found
 from automos.results.claiming import per_scan_files
 from automos.results.point_files import count_points, no_points, write_points
+from automos.results.recording_warnings import recording_warnings, scan_rate
 from automos.results.tracks_file import track_entries, write_tracks
 from automos.settings import OutputSettings, Settings, dump_yaml
 

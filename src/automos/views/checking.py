@@ -13,9 +13,9 @@ import numpy.typing as npt
 
 from automos.core.arrays import evenly_spread
 from automos.core.errors import AutomosError
-from automos.core.recording_warnings import GAP, USUAL_RATE, recording_warnings
 from automos.core.scan import Scan, Sequence
 from automos.readers import find_recordings, kind_of, open_sequence
+from automos.results.recording_warnings import GAP, USUAL_RATE, recording_warnings
 
 if TYPE_CHECKING:
     from automos.simulation.sensing.sensors import Sensor

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from automos.core.arguments import given_path, require_kind
-from automos.core.array_sequence import as_sequence
 from automos.core.atomic import faults_reported, held, remove_parts
 from automos.core.claims import EXPORT, claim, claim_file
 from automos.core.errors import InputError
+from automos.core.own_sequence import as_sequence
 
 if TYPE_CHECKING:
     from automos.core.run import Progress

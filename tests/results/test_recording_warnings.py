@@ -2,8 +2,8 @@ import numpy as np
 from forks import peak_memory
 
 from automos.core.array_sequence import ArraySequence
-from automos.core.recording_warnings import recording_warnings, scan_rate
 from automos.core.scan import Sequence
+from automos.results.recording_warnings import recording_warnings, scan_rate
 
 
 def scans(n):

@@ -6,15 +6,12 @@ import numpy.typing as npt
 from automos.core.arrays import evenly_spread
 from automos.core.errors import InputError
 from automos.core.scan import Sequence
+from automos.odometry.clock import GAP, USUAL_RATE
 
-GAP = 1.5
-"""Times the usual step of the clock from which scans are missing."""
 NEAREST, FARTHEST = 0.15, 10.0
 """Seconds between a scan and those that can show what moved: the spans of the evidence, with their tolerance."""
 ENOUGH = 8
 """Such scans that it takes: with fewer, what drives and rides past in the open is not found reliably."""
-USUAL_RATE = 10.0
-"""Scans a second where nobody says how many there are."""
 
 
 def recording_warnings(sequence: Sequence, rate: float | None = None) -> list[str]:
