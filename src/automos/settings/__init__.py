@@ -2,7 +2,12 @@
 
 There is one module per stage and one group per idea. Lengths are in metres, angles in degrees (in radians where
 published parameters are), times in seconds. Order of precedence: preset < settings file < command line.
+
+Presets and files of settings are in `settings/loading.py`, which the method does not need.
 """
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from automos.settings.candidates import (
     CandidatesSettings,
@@ -11,7 +16,6 @@ from automos.settings.candidates import (
     GroundSettings,
 )
 from automos.settings.instances import DetectSettings, HdbscanSettings, InstancesSettings, SegmentSettings
-from automos.settings.loading import PRESETS, dump_yaml, given_settings, keys_of, load_settings, read_overrides
 from automos.settings.network import ImageSettings, ModelSettings, NetworkSettings, TrainingSettings
 from automos.settings.odometry import LoopSettings, OdometrySettings
 from automos.settings.recording import RecordingSettings
@@ -24,7 +28,12 @@ from automos.settings.tracking import (
     TrackingSettings,
     VerdictSettings,
 )
-from automos.settings.tree import Settings
+from automos.settings.tree import Settings, given_settings
+
+if TYPE_CHECKING:
+    from automos.settings.loading import PRESETS, dump_yaml, keys_of, load_settings, read_overrides
+
+_OF_LOADING = ("PRESETS", "dump_yaml", "keys_of", "load_settings", "read_overrides")
 
 __all__ = [
     "PRESETS",
@@ -38,3 +47,9 @@ __all__ = [
     "TrackingSettings", "TrainingSettings", "VerdictSettings",
     "dump_yaml", "given_settings", "keys_of", "load_settings", "read_overrides",
 ]  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _OF_LOADING:
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+    return getattr(import_module(f"{__name__}.loading"), name)

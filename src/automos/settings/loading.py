@@ -93,14 +93,6 @@ def load_settings(
         raise SettingsError(f"settings file {file}: {_sentence(error)}" if is_of_file else _sentence(error)) from None
 
 
-def given_settings(settings: Settings | None) -> Settings:
-    """Return the given settings, or the default preset for None; InputError if they are not settings."""
-    if settings is None:
-        return load_settings("default")
-    require_kind(settings, Settings, "settings", "what automos.load_settings returns")
-    return settings
-
-
 def read_overrides(items: Iterable[str] | None) -> dict[str, Any]:
     """Return the values of settings written as "tracking.max_misses=3", by name; values are in YAML.
 

@@ -1,5 +1,6 @@
 """All settings of one run, a branch for each stage."""
 
+from automos.core.arguments import require_kind
 from automos.settings.candidates import CandidatesSettings
 from automos.settings.group import Group
 from automos.settings.instances import InstancesSettings
@@ -25,3 +26,11 @@ class Settings(Group):
 
     def __repr__(self) -> str:
         return f"<Settings: {', '.join(type(self).model_fields)}; automos.settings.dump_yaml shows all values>"
+
+
+def given_settings(settings: Settings | None) -> Settings:
+    """Return the given settings, or the default preset for None; InputError if they are not settings."""
+    if settings is None:
+        return Settings()
+    require_kind(settings, Settings, "settings", "what automos.load_settings returns")
+    return settings
