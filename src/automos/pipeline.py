@@ -35,7 +35,6 @@ from automos.objects.tracks import Tracks
 from automos.objects.verdict import Verdicts
 from automos.odometry.clock import rate_of
 from automos.odometry.estimate import estimate_trajectory
-from automos.odometry.loops.closing import close_loops
 from automos.odometry.trajectory import SequenceFrames, Trajectory
 from automos.settings import Settings
 
@@ -126,12 +125,8 @@ class Steps:
         """The poses of the sensor (III-A)."""
 
         def estimate(tick: Tick) -> Arrays:
-            about = self.settings.odometry
-            rate = rate_of(self.settings.recording, self.sequence.name)
-            found = estimate_trajectory(self.sequence, about, self.poses, tick, self.workers, rate)
-            if about.loop_closure:
-                found = close_loops(SequenceFrames(self.sequence, found), found, about.loops)
-            return found.to_arrays()
+            about, rate = self.settings.odometry, rate_of(self.settings.recording, self.sequence.name)
+            return estimate_trajectory(self.sequence, about, self.poses, tick, self.workers, rate).to_arrays()
 
         return Trajectory.from_arrays(self.run.once("odometry", estimate))
 

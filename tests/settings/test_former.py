@@ -15,8 +15,8 @@ def earlier(tmp_path):
     """Return a file as results of an earlier version hold it."""
     tree = yaml.safe_load(dump_yaml(load_settings(overrides={"recording.rates": {"log_1": 5.0}})))
     tree["odometry"] |= {"voxel": 0.7, "refinement": {"max_speed": 30.0, "surfel": 0.4, "kernels": [0.5, 0.1]}}
-    del tree["odometry"]["max_speed"], tree["odometry"]["loops"]["min_distance"]
-    tree["odometry"]["loops"]["min_way"] = 70.0
+    del tree["odometry"]["max_speed"], tree["map"]["loops"]["min_distance"], tree["map"]["loop_closure"]
+    tree["odometry"] |= {"loop_closure": True, "loops": {"min_way": 70.0}}
     tree |= {"baselines": {"octomap": {"batch": {"scans": 9}, "hit": 0.7}}}
     (tmp_path / "settings.yaml").write_text(yaml.safe_dump(tree))
     return tmp_path / "settings.yaml"
@@ -25,7 +25,8 @@ def earlier(tmp_path):
 def test_results_of_an_earlier_version_still_say_what_can_be_said(earlier, caplog):
     with caplog.at_level(logging.WARNING):
         settings = load_settings("default", earlier)
-    assert (settings.odometry.max_speed, settings.odometry.loops.min_distance) == (30.0, 70.0)
+    assert settings.odometry.max_speed == 30.0
+    assert (settings.map.loop_closure, settings.map.loops.min_distance) == (True, 70.0)
     assert settings.recording.rates == {"log_1": 5.0}
     (record,) = caplog.records
     assert "settings.yaml: " in record.getMessage()

@@ -17,9 +17,9 @@ from automos.settings.candidates import (
 )
 from automos.settings.instances import DetectSettings, HdbscanSettings, InstancesSettings, SegmentSettings
 from automos.settings.network import ImageSettings, ModelSettings, NetworkSettings, TrainingSettings
-from automos.settings.odometry import LoopSettings, OdometrySettings
+from automos.settings.odometry import OdometrySettings
 from automos.settings.recording import RecordingSettings
-from automos.settings.results import LabelsSettings, MapSettings, OutputSettings
+from automos.settings.results import LabelsSettings, LoopSettings, MapSettings, OutputSettings
 from automos.settings.tracking import (
     AssociationSettings,
     CompletionSettings,

@@ -18,7 +18,12 @@ RENAMED = {
     "odometry.refinement.max_speed": "odometry.max_speed",
     "odometry.refinement.max_reverse": "odometry.max_reverse",
     "odometry.refinement.overhead": "odometry.overhead",
-    "odometry.loops.min_way": "odometry.loops.min_distance",
+    "odometry.loop_closure": "map.loop_closure",
+    "odometry.loops.reach": "map.loops.reach",
+    "odometry.loops.min_way": "map.loops.min_distance",
+    "odometry.loops.min_distance": "map.loops.min_distance",
+    "odometry.loops.max_drift": "map.loops.max_drift",
+    "odometry.loops.min_overlap": "map.loops.min_overlap",
 }
 """The present name of each."""
 

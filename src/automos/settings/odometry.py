@@ -1,19 +1,10 @@
-"""III-A: poses of every scan, refinement over longer baselines, loop closure."""
+"""III-A: poses of every scan, refinement over longer baselines."""
 
 from typing import Literal
 
 from pydantic import Field
 
 from automos.settings.group import Group
-
-
-class LoopSettings(Group):
-    """Loop closure: when a place counts as revisited."""
-
-    reach: float = Field(40.0, gt=0, description="m around a place; more distinguishes places better and takes longer")
-    min_distance: float = Field(50.0, gt=0, description="m driven before a revisit; larger values find fewer loops")
-    max_drift: float = Field(0.05, ge=0, description="drift per distance driven; more searches farther for loops")
-    min_overlap: float = Field(0.7, gt=0, le=1, description="matching part of non-ground points; more rejects loops")
 
 
 class OdometrySettings(Group):
@@ -42,7 +33,3 @@ class OdometrySettings(Group):
     max_tilt_deg: float = Field(45.0, gt=0, le=90, description="deg, greatest tilt of the sensor's z axis")
     min_height: float = Field(0.1, ge=0, description="m, least height of the sensor above the ground")
     max_height: float = Field(5.0, gt=0, description="m, greatest height of the sensor above the ground")
-    loop_closure: bool = Field(
-        False, description="remove the drift that revisits show; poses shift slightly, which costs label accuracy"
-    )
-    loops: LoopSettings = Field(default_factory=LoopSettings)

@@ -25,6 +25,15 @@ class OutputSettings(Group):
     track_ids: bool = Field(False, description="write the track's number to the upper 16 bits of moving points")
 
 
+class LoopSettings(Group):
+    """Loop closure: when a place counts as revisited."""
+
+    reach: float = Field(40.0, gt=0, description="m around a place; more distinguishes places better and takes longer")
+    min_distance: float = Field(50.0, gt=0, description="m driven before a revisit; larger values find fewer loops")
+    max_drift: float = Field(0.05, ge=0, description="drift per distance driven; more searches farther for loops")
+    min_overlap: float = Field(0.7, gt=0, le=1, description="matching part of non-ground points; more rejects loops")
+
+
 class MapSettings(Group):
     """The map without moving objects (paper Fig. 5)."""
 
@@ -34,3 +43,5 @@ class MapSettings(Group):
         description="m, side of a voxel, which becomes one mean point of the map; larger voxels are coarser",
     )
     max_range: float = Field(60.0, gt=0, description="m, range of points used; more reaches farther and blurs more")
+    loop_closure: bool = Field(False, description="bend the path so that places seen again coincide; takes longer")
+    loops: LoopSettings = Field(default_factory=LoopSettings)

@@ -12,10 +12,13 @@ import numpy.typing as npt
 
 from automos.core.atomic import remove_parts, write_text
 from automos.core.claims import METHODS, claim
+from automos.core.geometry import inverse
 from automos.core.labels import Label, to_mos
+from automos.core.pose_writers import write_kitti
 from automos.core.run import Progress
 from automos.core.scan import Frames, Sequence
 from automos.settings import MapSettings
+from automos.writers.maps.loops.closing import FramesAt, close_loops
 from automos.writers.maps.metrics import TILE, MapCounts, MapScores, Tile, Tiles
 from automos.writers.maps.writers import HeightPicture, Write, check_kind, open_cloud
 
@@ -43,6 +46,8 @@ def make_map(
 ) -> MadeMap:
     """Write the map without moving objects, a picture of it, and one of the map with all points, to the folder `out`.
 
+    Where loops are closed, also the path that they make of the sensor's: poses.txt, as of a run.
+
     Parameters
     ----------
     frames, sequence : Frames and Sequence
@@ -63,6 +68,13 @@ def make_map(
         check_kind(cloud)
     claim(out, METHODS)
     remove_parts(out)
+    about: dict[str, object] = {"voxel": settings.voxel}
+    files = [*clouds, out / "map_raw.png", out / "map_clean.png", out / "map.json"]
+    if settings.loop_closure:
+        T_level_sensor, about["loops_closed"] = close_loops(frames, settings.loops)
+        frames = FramesAt(frames, T_level_sensor)
+        files.append(out / "poses.txt")
+        write_kitti(files[-1], inverse(T_level_sensor[0]) @ T_level_sensor)
     reach, origins = settings.max_range, frames.T_level_sensor[:, :3, 3]
     corners = origins[:, :2].min(axis=0) - reach, origins[:, :2].max(axis=0) + reach
     raw, clean = (HeightPicture(*corners, _PICTURE_PIXELS) for _ in range(2))
@@ -71,8 +83,10 @@ def make_map(
         n_points, scores = _write_map(frames, sequence, labels_of, writers, (raw, clean), settings, progress)
     raw.write(out / "map_raw.png")
     clean.write(out / "map_clean.png")
-    write_text(out / "map.json", json.dumps(_about(n_points, scores, settings), indent=2) + "\n")
-    return MadeMap([*clouds, out / "map_raw.png", out / "map_clean.png", out / "map.json"], n_points, scores)
+    named = {} if scores is None else scores_by_name(scores)
+    about |= {"points": n_points} | {name: None if math.isnan(score) else score for name, score in named.items()}
+    write_text(out / "map.json", json.dumps(about, indent=2) + "\n")
+    return MadeMap(files, n_points, scores)
 
 
 def _write_map(
@@ -114,13 +128,6 @@ def _write_map(
             progress("map", i + 1, len(sequence))
     finish(tiles.rest())
     return n_points, counts.scores() if has_truth else None
-
-
-def _about(n_points: int, scores: MapScores | None, settings: MapSettings) -> dict[str, object]:
-    about: dict[str, object] = {"points": n_points, "voxel": settings.voxel}
-    if scores is not None:
-        about |= {name: None if math.isnan(value) else value for name, value in scores_by_name(scores).items()}
-    return about
 
 
 def scores_by_name(scores: MapScores) -> dict[str, float]:

@@ -1,15 +1,20 @@
+import json
+
 import numpy as np
 import pytest
 from worlds import Block, record
 
 from automos.core.geometry import inverse, make_transform, se3_exp
-from automos.odometry.loops import closing
-from automos.odometry.loops.closing import RINGS, SECTORS, close_loops
-from automos.odometry.loops.places import compare_places, describe_place
+from automos.core.labels import Label
+from automos.core.pose_files import read_poses
 from automos.odometry.motion import chain
 from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.trajectory import SequenceFrames, Trajectory
-from automos.settings import LoopSettings
+from automos.settings import LoopSettings, MapSettings
+from automos.writers.maps.loops import closing
+from automos.writers.maps.loops.closing import RINGS, SECTORS, close_loops
+from automos.writers.maps.loops.places import compare_places, describe_place
+from automos.writers.maps.make_map import make_map
 
 LOOPS = LoopSettings()
 RADIUS, STEP = 14.0, 1.6  # m
@@ -36,11 +41,15 @@ def drifted(poses, slip, turn):
     return chain(np.eye(4), steps @ se3_exp([0.0, 0.0, 0.0, 0.0, 0.0, turn]))
 
 
-def close(world, poses, **chosen):
+def trajectory_of(poses):
     n = len(poses)
-    drifted = Trajectory(poses, 0.1 * np.arange(n), np.zeros((n, 6)), SweepTiming(), make_transform(t=[0.0, 0.0, 1.8]))
-    closed = close_loops(SequenceFrames(world.sequence, drifted), drifted, LoopSettings(**chosen))
-    return closed.T_world_sensor, closed.diagnostics["loops_closed"]
+    return Trajectory(poses, 0.1 * np.arange(n), np.zeros((n, 6)), SweepTiming(), make_transform(t=[0.0, 0.0, 1.8]))
+
+
+def close(world, poses, **chosen):
+    drifted = trajectory_of(poses)
+    T_level_sensor, n_closed = close_loops(SequenceFrames(world.sequence, drifted), LoopSettings(**chosen))
+    return inverse(drifted.T_level_world) @ T_level_sensor, n_closed
 
 
 @pytest.fixture(scope="module")
@@ -70,6 +79,20 @@ def test_a_drifted_round_is_closed_to_centimetres(circle):
     steps, before = (inverse(T[:-1]) @ T[1:] for T in (closed, poses))
     assert np.linalg.norm((steps - before)[:, :3, 3], axis=1).max() < 0.06 * STEP  # bent evenly
     np.testing.assert_allclose(closed[0], np.eye(4), atol=1e-9)
+
+
+def test_a_map_with_its_loops_closed_has_each_wall_once(circle, tmp_path):
+    frames = SequenceFrames(circle.sequence, trajectory_of(drifted(circle.poses, 0.02, 0.0016)))
+    made = {}
+    for is_closed in (False, True):
+        settings, out = MapSettings(voxel=0.4, max_range=30.0, loop_closure=is_closed), tmp_path / str(is_closed)
+        made[is_closed] = make_map(
+            frames, circle.sequence, lambda i, n: np.full(n, Label.STATIC), out, ["ply"], settings
+        )
+    assert made[True].n_points < 0.9 * made[False].n_points  # a fifth of the path was driven twice
+    assert json.loads((tmp_path / "True" / "map.json").read_text())["loops_closed"] >= 3
+    path, _ = close(circle, frames.trajectory.T_world_sensor)
+    np.testing.assert_allclose(read_poses(tmp_path / "True" / "poses.txt", len(path)), path, atol=1e-5)
 
 
 def test_a_street_without_revisits_stays_as_it_is(monkeypatch):

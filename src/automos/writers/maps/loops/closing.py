@@ -1,7 +1,8 @@
 """Loop closure: revisited places are recognised, verified by registration, and the drift between them is distributed.
 
-Off by default: closing a loop changes poses that were consistent with their surroundings. So the correction is
-distributed evenly along the path, and neighbouring poses stay consistent within the drift of the odometry itself.
+For maps alone: closing a loop bends poses that were consistent with their surroundings, by which labels are found. So
+the correction is distributed evenly along the path, and neighbouring poses stay consistent within the drift of the
+odometry itself.
 """
 
 from __future__ import annotations
@@ -12,13 +13,12 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.geometry import inverse, make_transform, se3_exp, se3_log, transform
-from automos.core.scan import Frames, Points, Pose
+from automos.core.scan import Frame, Frames, Points, Pose
 from automos.core.voxels import rows_of_first_in_voxel
-from automos.odometry.loops.places import GROUND, compare_places, describe_place, ground_of
-from automos.odometry.loops.pose_graph import Edges, solve_pose_graph
 from automos.odometry.motion import MIN_POINTS
-from automos.odometry.trajectory import Trajectory
 from automos.settings import LoopSettings
+from automos.writers.maps.loops.places import GROUND, compare_places, describe_place, ground_of
+from automos.writers.maps.loops.pose_graph import Edges, solve_pose_graph
 
 Array = npt.NDArray[np.float64]
 
@@ -45,16 +45,35 @@ DEVIATION, TURN_DEVIATION_DEG = 0.03, 0.05
 """Metres and degrees, usual registration error of a revisit."""
 
 
-def close_loops(frames: Frames, trajectory: Trajectory, loops: LoopSettings) -> Trajectory:
-    """Return the trajectory without the drift that revisits reveal; `diagnostics` counts the closed loops.
+class FramesAt:
+    """The frames of a recording at other poses."""
+
+    def __init__(self, frames: Frames, T_level_sensor: Pose):
+        """Take the frames, and (N, 4, 4) where the sensor was instead."""
+        self._frames, self.T_level_sensor = frames, T_level_sensor
+
+    @property
+    def stamps(self) -> Array:
+        """(N,) seconds."""
+        return self._frames.stamps
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    def __getitem__(self, index: int) -> Frame:
+        return replace(self._frames[index], T_level_sensor=self.T_level_sensor[index])
+
+
+def close_loops(frames: Frames, loops: LoopSettings) -> tuple[Pose, int]:
+    """Return (N, 4, 4) T_level_sensor without the drift that revisits reveal, and the number of closed loops.
 
     Memory holds one description per place and the clouds of two places, whatever the length of the recording.
     """
-    T_world_sensor, T_level_world = trajectory.T_world_sensor, trajectory.T_level_world
-    path = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(T_world_sensor[:, :3, 3], axis=0), axis=1))])
+    T_level_sensor = frames.T_level_sensor
+    path = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(T_level_sensor[:, :3, 3], axis=0), axis=1))])
     middles = np.searchsorted(path, np.arange(0.0, path[-1] + 1e-9, PLACE_EVERY))
     middles = np.unique(np.minimum(middles, len(path) - 1))
-    T_level_place = np.array([_upright(T) for T in trajectory.T_level_sensor[middles]])
+    T_level_place = np.array([_upright(T) for T in T_level_sensor[middles]])
 
     def cloud_at(place: int) -> Points:
         ids = np.flatnonzero(np.abs(path - path[middles[place]]) <= PLACE_EVERY)
@@ -75,12 +94,10 @@ def close_loops(frames: Frames, trajectory: Trajectory, loops: LoopSettings) -> 
             if T_first_second is not None:
                 found.append(_Revisit(first, second, T_first_second))
     T_closed, is_kept = _solve(T_level_place, path[middles], found, loops)
-    poses = T_world_sensor
     if is_kept.any():
         correction = se3_log(inverse(T_level_place) @ T_closed)  # of each place, in its own frame
-        poses = _spread(T_world_sensor, T_level_world, T_level_place, correction, path, path[middles])
-    diagnostics = {**trajectory.diagnostics, "loops_closed": int(is_kept.sum())}
-    return replace(trajectory, T_world_sensor=poses, diagnostics=diagnostics)
+        T_level_sensor = _spread(T_level_sensor, T_level_place, correction, path, path[middles])
+    return T_level_sensor, int(is_kept.sum())
 
 
 @dataclass(frozen=True)
@@ -180,18 +197,17 @@ def _disagreement(T: Pose, revisit: _Revisit) -> Array:
     return se3_log(inverse(revisit.T_first_second) @ inverse(T[revisit.first]) @ T[revisit.second])
 
 
-def _spread(
-    T_world_sensor: Pose, T_level_world: Pose, T_level_place: Pose, correction: Array, path: Array, place_path: Array
-) -> Pose:
-    """Return the poses corrected by interpolation between the previous and the next place, along the path."""
+def _spread(T_level_sensor: Pose, T_level_place: Pose, correction: Array, path: Array, place_path: Array) -> Pose:
+    """Return the poses corrected by interpolation between the previous and the next place, along the path.
+
+    The first one stays where it is.
+    """
     after = np.clip(np.searchsorted(place_path, path, side="right"), 1, len(place_path) - 1)
     before = after - 1
     share = np.clip((path - place_path[before]) / np.maximum(place_path[after] - place_path[before], 1e-9), 0.0, None)
-    T_level_sensor = T_level_world @ T_world_sensor
     moved = []
     for place in (before, after):
         here = T_level_place[place]
         moved.append(here @ se3_exp(correction[place]) @ inverse(here) @ T_level_sensor)
     T = moved[0] @ se3_exp(np.minimum(share, 1.0)[:, None] * se3_log(inverse(moved[0]) @ moved[1]))
-    T = inverse(T_level_world) @ T
-    return inverse(T[0]) @ T
+    return T_level_sensor[0] @ inverse(T[0]) @ T

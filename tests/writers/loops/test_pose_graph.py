@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from automos.core.geometry import inverse, make_transform, se3_exp
-from automos.odometry.loops.pose_graph import Edges, solve_pose_graph
+from automos.writers.maps.loops.pose_graph import Edges, solve_pose_graph
 
 
 def along_x(x):

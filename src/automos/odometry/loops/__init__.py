@@ -1,1 +1,0 @@
-"""Loop closure: correction of drift at revisited places (off by default)."""

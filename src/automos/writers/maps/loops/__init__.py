@@ -1,0 +1,1 @@
+"""Loop closure: correction of drift at revisited places, for maps (off by default)."""
