@@ -37,19 +37,18 @@ FORMATS: tuple[str, ...] = (
     "folder",
 )  # fmt: skip
 """Formats of recordings in the order they are tried."""
-_FAMILIES = {
-    "stamped_drives": ("helipr", "mulran", "boreas", "apollo"),
-    "kitti": ("kitti", "helimos", "semanticposs", "kitti_tracking"),
-    "zipped": ("zipped", "stacked"),
+_MODULES = {
+    **dict.fromkeys(("helipr", "mulran", "boreas", "apollo"), "stamped_drives"),
+    **dict.fromkeys(("kitti", "helimos", "semanticposs", "kitti_tracking"), "kitti"),
+    **dict.fromkeys(("zipped", "stacked"), "zipped"),
 }
-"""Modules that read several formats; others read one, of their name."""
+"""Modules that read several formats, by the formats; others read one, of their name."""
 
 
 def load_format(name: str) -> Format:
     """Return what the reader `name`, one of `FORMATS`, declares of itself."""
-    family = next((module for module, formats in _FAMILIES.items() if name in formats), None)
-    module = importlib.import_module(f"automos.readers.{family or name}")
-    declared: Format = module.FORMATS[name] if family else module.FORMAT
+    module = importlib.import_module(f"automos.readers.{_MODULES.get(name, name)}")
+    declared: Format = module.FORMATS[name] if name in _MODULES else module.FORMAT
     return declared
 
 
@@ -202,13 +201,12 @@ def _beside(path: Path, format: str | None) -> list[_Found]:
 
 
 def _resolve(format: str | None) -> tuple[Iterable[str], str | None]:
-    if format is None:
-        return FORMATS, None
     if format in FORMATS:
         return [format], None
+    if format is None or format in CODECS or format in LAYOUTS:
+        return FORMATS, format
     if is_columns(format):
-        parse_columns(format)
-    if is_columns(format) or format in CODECS or format in LAYOUTS:
+        parse_columns(format)  # raises where they are none
         return FORMATS, format
     known = [*FORMATS, *CODECS]
     near = difflib.get_close_matches(format.lower(), known, n=1, cutoff=0.0)
@@ -231,11 +229,8 @@ def _nothing_found(path: Path, format: str | None) -> str:
         return known
     if (held := held_by(path)) is not None:
         return f"{path} holds {held} that automos wrote, and no scans: give the recording itself"
-    inner = [p for p in entries if p.is_dir() and holds_point_files(p)]
-    if inner:
-        return (
-            f"{path} holds no scans itself, but these folders in it do: {_few(p.name for p in inner)}; give one of them"
-        )
+    if inner := _few(p.name for p in entries if p.is_dir() and holds_point_files(p)):
+        return f"{path} holds no scans itself, but these folders in it do: {inner}; give one of them"
     what = f"no recording of format {format!r}" if format in FORMATS else "no point files"
     return f"{path} holds {what}; a recording is velodyne/*.bin, or a folder of .bin, .pcd, .ply, .npy or .xyz files"
 

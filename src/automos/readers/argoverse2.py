@@ -12,16 +12,15 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
-from automos.core.geometry import inverse, transform
+from automos.core.geometry import Array, inverse, transform
 from automos.core.labels import Label, pack
-from automos.core.reading import damage_reported, is_there, require_regular
+from automos.core.reading import damage_reported, is_there
 from automos.core.scan import Pose, Scan
-from automos.core.upright_boxes import points_in_boxes
 from automos.readers.apart import read_apart
-from automos.readers.box_truth import DrawnBoxes, DrawnTruth, checked_boxes, judge_boxes, motion_with_boxes
-from automos.readers.columns import to_scan
-from automos.readers.foreign import limited
-from automos.readers.formats import Format, ListedSequence, import_extra, recordings_at, stamped_files
+from automos.readers.box_truth import DrawnBoxes, DrawnTruth, checked_boxes, motion_with_boxes
+from automos.readers.formats import Format, import_extra, recordings_at
+from automos.readers.listed import ListedSequence, stamped_files
+from automos.readers.parquet import arrow_reported
 from automos.readers.stamped_poses import checked_mount, from_quaternions, poses_at, sensor_poses
 
 _SCANS = Path("sensors") / "lidar"
@@ -52,11 +51,6 @@ class Table(dict[str, npt.NDArray]):
         raise InputError(f"{self.path} has no column {name}; download it again")
 
 
-def find(path: Path) -> list[Path]:
-    """Return the logs at `path`: itself, or those in it by name."""
-    return recordings_at(path, lambda p: (p / _SCANS).is_dir())
-
-
 class Argoverse2Sequence(DrawnTruth, ListedSequence):
     """One log. Points are in the upper sensor's frame; poses are the vehicle's, carried over to it."""
 
@@ -67,13 +61,17 @@ class Argoverse2Sequence(DrawnTruth, ListedSequence):
         """List the sweeps of log `source`."""
         files, stamps = stamped_files(source / _SCANS, ".feather")
         self._nanoseconds = np.array([int(file.stem) for file in files], np.int64)
-        super().__init__(source, files, stamps=stamps)
+        super().__init__(source, files, stamps)
 
     def __getitem__(self, index: int) -> Scan:
-        path = self._files[index := self._scan_number(index)]
-        scan = to_scan(_read(path), path, self._names[index], 1e-9 * self._nanoseconds[index], 1e-9)
-        moved = replace(scan, points=transform(inverse(self.T_vehicle_sensor), scan.points))
-        return moved if self._T_ego_sensors is None or scan.ring is None else self._say_from_where(moved, scan.ring)
+        index = self._scan_number(index)
+        scan = self._to_scan(index, _read(self.paths[index]), 1e-9)
+        T_scan_ego = inverse(self.T_vehicle_sensor)
+        moved = replace(scan, points=transform(T_scan_ego, scan.points))
+        if self._T_ego_sensors is None or scan.ring is None:
+            return moved
+        sensor = (scan.ring >= _LASERS).astype(np.uint8)
+        return replace(moved, sensor=sensor, T_scan_sensor=T_scan_ego @ self._T_ego_sensors)
 
     @cached_property
     def reference_poses(self) -> Pose | None:
@@ -101,10 +99,8 @@ class Argoverse2Sequence(DrawnTruth, ListedSequence):
             return None
         now, later = self._drawn.of(self._nanoseconds[index]), self._drawn.of(self._nanoseconds[index + 1])
         points = transform(self.T_vehicle_sensor, self[index].points)
-        owner = points_in_boxes(points, now.boxes)
-        instance = np.where(owner >= 0, now.track[owner], 0) if len(now) else np.zeros(len(points), np.int64)
         boxes = later.boxes.transformed(inverse(self._T_city_ego[index]) @ self._T_city_ego[index + 1])
-        motion = motion_with_boxes(points, instance, (now.track, now.boxes), (later.track, boxes))
+        motion = motion_with_boxes(points, now.track_at(points), (now.track, now.boxes), (later.track, boxes))
         return motion @ self.T_vehicle_sensor[:3, :3].astype(np.float32)
 
     def _boxes_of(self, index: int) -> tuple[DrawnBoxes, Pose] | None:
@@ -138,7 +134,7 @@ class Argoverse2Sequence(DrawnTruth, ListedSequence):
         if _SENSORS[1] not in self._calibration["sensor_name"]:
             return None
         T = np.stack([self._calibrated(sensor) for sensor in _SENSORS])
-        table = _read(self._files[0])
+        table = _read(self.paths[0])
         points = np.column_stack([table[axis] for axis in "xyz"]).astype(np.float64)
         spread = np.zeros((2, 2))
         for k, of_sensor in enumerate(transform(inverse(T_ego_sensor), points) for T_ego_sensor in T):
@@ -148,17 +144,13 @@ class Argoverse2Sequence(DrawnTruth, ListedSequence):
                 spread[k, half] = np.median([np.abs(s - np.median(s)).mean() for s in lasers if len(s) > 20] or [0.0])
         return T[::-1] if np.trace(spread) > np.trace(spread[::-1]) else T
 
-    def _say_from_where(self, scan: Scan, laser: npt.NDArray[np.uint16]) -> Scan:
-        assert self._T_ego_sensors is not None
-        sensor = (laser >= _LASERS).astype(np.uint8)
-        return replace(scan, sensor=sensor, T_scan_sensor=inverse(self.T_vehicle_sensor) @ self._T_ego_sensors)
-
     @cached_property
     def _T_city_ego(self) -> Pose:
-        path = self.source / _POSES
-        table = _read(path)
-        assert self.stamps is not None
-        return poses_at(self.stamps, 1e-9 * table["timestamp_ns"], _transforms(table), path)
+        return self._poses_at(self._stamps)
+
+    def _poses_at(self, seconds: Array) -> Pose:
+        table = _read(self.source / _POSES)
+        return poses_at(seconds, 1e-9 * table["timestamp_ns"], _transforms(table), table.path)
 
     def _from_flow(self) -> npt.NDArray[np.uint32]:
         path = self.source / _FLOW
@@ -166,13 +158,10 @@ class Argoverse2Sequence(DrawnTruth, ListedSequence):
         scan = self[0]
         if len(is_dynamic) != len(scan):
             raise InputError(f"{path} holds {len(is_dynamic)} rows, but sweep {scan.name} has {len(scan)} points")
-        label = np.where(is_dynamic, Label.MOVING, Label.STATIC)
-        instance = np.zeros(len(scan), np.int64)
-        if is_there(self.source / _BOXES):
-            drawn = self._drawn.of(self._nanoseconds[0])
-            owner = points_in_boxes(transform(self.T_vehicle_sensor, scan.points), drawn.boxes)
-            instance[owner >= 0] = drawn.track[owner[owner >= 0]]
-        return pack(label, instance)
+        found = self._boxes_of(0)
+        points = transform(self.T_vehicle_sensor, scan.points)
+        instance = np.zeros(len(scan), np.int64) if found is None else found[0].track_at(points)
+        return pack(np.where(is_dynamic, Label.MOVING, Label.STATIC), instance)
 
     @cached_property
     def _drawn(self) -> DrawnBoxes:
@@ -180,17 +169,10 @@ class Argoverse2Sequence(DrawnTruth, ListedSequence):
         table = _read(self.source / _BOXES)
         T_ego_box = _transforms(table)
         seconds = 1e-9 * table["timestamp_ns"]
-        poses = _read(self.source / _POSES)
-        T_city_ego = poses_at(seconds, 1e-9 * poses["timestamp_ns"], _transforms(poses), self.source / _POSES)
-        _, track = np.unique(table["track_uuid"], return_inverse=True)
         yaw = np.arctan2(T_ego_box[:, 1, 0], T_ego_box[:, 0, 0])
         size = np.column_stack([table[f"{side}_m"] for side in ("length", "width", "height")])
-        return DrawnBoxes(
-            table["timestamp_ns"],
-            track.astype(np.int64) + 1,
-            checked_boxes(T_ego_box[:, :3, 3], size, yaw, self.source / _BOXES),
-            judge_boxes(track, seconds, (T_city_ego @ T_ego_box)[:, :3, 3]),
-        )
+        boxes = checked_boxes(T_ego_box[:, :3, 3], size, yaw, table.path)
+        return DrawnBoxes.judged(table["timestamp_ns"], table["track_uuid"], boxes, seconds, self._poses_at(seconds))
 
 
 def _read(path: Path) -> Table:
@@ -201,18 +183,9 @@ def _read(path: Path) -> Table:
 
 def read_here(path: Path) -> Table:
     """Return what `_read` does, read in this process."""
-    feather, arrow = import_extra("pyarrow.feather", "arrow"), import_extra("pyarrow", "arrow")
-    try:
-        require_regular(path)
-        with limited(path):
-            table = feather.read_table(path, memory_map=False)
+    with arrow_reported(path, "a log needs it: download the log again", "cut short"):
+        table = import_extra("pyarrow.feather", "arrow").read_table(path, memory_map=False)
         names = table.column_names  # which may be no text
-    except FileNotFoundError:
-        raise InputError(f"{path} is missing; a log needs it: download the log again") from None
-    except InputError:
-        raise
-    except (OSError, UnicodeError, arrow.ArrowException) as error:
-        raise InputError(f"{path} is damaged or cut short ({error}); download it again") from None
     if len(set(names)) < len(names):
         raise InputError(f"{path} has two columns of one name; download it again")
     empty = [name for name in names if table[name].null_count]
@@ -231,7 +204,7 @@ def _transforms(table: Table) -> Pose:
 FORMAT = Format(
     layout="Argoverse 2 Sensor log: sensors/lidar/*.feather, calibration/, city_SE3_egovehicle.feather",
     truth="dynamic flags of flow_labels.feather, else annotations.feather",
-    find=find,
+    find=lambda path: recordings_at(path, lambda log: (log / _SCANS).is_dir()),
     open=Argoverse2Sequence,
     needs="arrow",
 )

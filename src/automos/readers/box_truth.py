@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.column_data import ColumnData
 from automos.core.errors import InputError
-from automos.core.geometry import FARTHEST, transform
+from automos.core.geometry import FARTHEST, Array, transform
 from automos.core.labels import Label, pack
 from automos.core.reading import is_there, read_json
 from automos.core.scan import MAX_RANGE, Pose, Scan, Sequence
@@ -33,7 +34,7 @@ SOLE = 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class DrawnBoxes:
+class DrawnBoxes(ColumnData):
     """The boxes of a recording, a row each.
 
     Attributes
@@ -49,13 +50,27 @@ class DrawnBoxes:
     boxes: Boxes
     label: npt.NDArray[np.uint8]
 
-    def __len__(self) -> int:
-        return len(self.track)
+    @classmethod
+    def judged(
+        cls, scan: npt.NDArray, objects: npt.NDArray, boxes: Boxes, seconds: Array, T_world_boxes: Pose
+    ) -> DrawnBoxes:
+        """Return R boxes of `objects` (R,), ids of any kind, each judged by how it moves in the world.
+
+        Parameters
+        ----------
+        seconds : (R,) when each box was seen.
+        T_world_boxes : (R, 4, 4) from the frame of each box, or (4, 4) from that of all.
+        """
+        _, track = np.unique(objects, return_inverse=True)
+        return cls(scan, track + 1, boxes, judge_boxes(track, seconds, centers_in_world(T_world_boxes, boxes.center)))
 
     def of(self, scan: int | str) -> DrawnBoxes:
         """Return the boxes drawn in one scan."""
-        rows = np.flatnonzero(self.scan == scan)
-        return DrawnBoxes(self.scan[rows], self.track[rows], self.boxes[rows], self.label[rows])
+        return self[np.flatnonzero(self.scan == scan)]
+
+    def track_at(self, points: npt.NDArray) -> npt.NDArray[np.int64]:
+        """Return (N,) which object's box each of `points` (N, 3) is in, 0 in none; all boxes being of their scan."""
+        return np.append(self.track, 0)[points_in_boxes(points, self.boxes)].astype(np.int64)
 
 
 def checked_boxes(center: npt.NDArray, size: npt.NDArray, yaw: npt.NDArray, path: Path) -> Boxes:
@@ -73,9 +88,7 @@ def checked_boxes(center: npt.NDArray, size: npt.NDArray, yaw: npt.NDArray, path
     return Boxes(center, size, yaw, np.ones(len(yaw)))
 
 
-def judge_boxes(
-    track: npt.NDArray[np.int64], time: npt.NDArray[np.float64], center_world: npt.NDArray[np.float64]
-) -> npt.NDArray[np.uint8]:
+def judge_boxes(track: npt.NDArray[np.int64], time: Array, center_world: Array) -> npt.NDArray[np.uint8]:
     """Return for each box the `Label` of its track: MOVING, STATIC, or UNLABELED if that is not known.
 
     Parameters
@@ -96,7 +109,7 @@ def judge_boxes(
     return label
 
 
-def _judge(time: npt.NDArray[np.float64], center: npt.NDArray[np.float64]) -> Label:
+def _judge(time: Array, center: Array) -> Label:
     later = np.minimum(np.searchsorted(time, time + PACE - 1e-6), len(time) - 1)
     steps = np.linalg.norm(center[later] - center, axis=1)
     seconds = np.maximum((time[later] - time) / PACE, 1.0)  # boxes further apart than PACE: metres per PACE
@@ -106,9 +119,9 @@ def _judge(time: npt.NDArray[np.float64], center: npt.NDArray[np.float64]) -> La
     return Label.STATIC if got_on < STOOD and time[-1] - time[0] >= 0.5 * PACE else Label.UNLABELED
 
 
-def centers_in_world(T_world_sensor: Pose, center: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def centers_in_world(T_world_sensor: Pose, center: Array) -> Array:
     """Return (R, 3) centres in the world, of centres (R, 3) in the sensor's frame at poses (R, 4, 4)."""
-    return np.einsum("rij,rj->ri", T_world_sensor[:, :3, :3], center) + T_world_sensor[:, :3, 3]
+    return np.einsum("...ij,...j->...i", T_world_sensor[..., :3, :3], center) + T_world_sensor[..., :3, 3]
 
 
 def paint_boxes(scan: Scan, T_boxes_sensor: Pose, drawn: DrawnBoxes) -> npt.NDArray[np.uint32]:
@@ -123,23 +136,18 @@ def paint_boxes(scan: Scan, T_boxes_sensor: Pose, drawn: DrawnBoxes) -> npt.NDAr
     -------
     (N,) uint32 as SemanticKITTI stores them; STATIC outside all boxes, UNLABELED for points without a return.
     """
-    boxes, labels, instances = drawn.boxes, drawn.label, drawn.track
     points = transform(T_boxes_sensor, np.where(scan.is_valid[:, None], scan.points, np.float32(0.0)))
-    is_mover = labels != Label.STATIC
+    is_mover = drawn.label != Label.STATIC
+    static, movers = drawn[~is_mover], drawn[is_mover]
     label = np.full(len(scan), Label.STATIC, np.uint8)
-    instance = np.zeros(len(scan), np.int64)
+    instance = static.track_at(points)
 
-    inside_static = points_in_boxes(points, boxes[~is_mover])
-    instance[inside_static >= 0] = instances[~is_mover][inside_static[inside_static >= 0]]
-
-    movers, label_of, instance_of = boxes[is_mover], labels[is_mover], instances[is_mover]
-    label[points_in_boxes(points, movers, MARGIN) >= 0] = Label.UNLABELED
-    owner = points_in_boxes(points, movers)
-    inside = owner >= 0
-    bottom = movers.center[owner[inside], 2] - 0.5 * movers.size[owner[inside], 2]
-    is_sole = points[inside, 2] < bottom + SOLE
-    label[inside] = np.where(is_sole, Label.UNLABELED, label_of[owner[inside]])
-    instance[inside] = instance_of[owner[inside]]
+    label[points_in_boxes(points, movers.boxes, MARGIN) >= 0] = Label.UNLABELED
+    owner = points_in_boxes(points, movers.boxes)
+    inside, own = owner >= 0, movers[owner[owner >= 0]]
+    is_sole = points[inside, 2] < own.boxes.center[:, 2] - 0.5 * own.boxes.size[:, 2] + SOLE
+    label[inside] = np.where(is_sole, Label.UNLABELED, own.label)
+    instance[inside] = own.track
 
     label[~scan.is_valid], instance[~scan.is_valid] = Label.UNLABELED, 0
     return pack(label, instance)
@@ -191,15 +199,12 @@ def motion_with_boxes(
     """
     motion = np.zeros((len(points), 3), np.float32)
     motion[instance > 0] = np.nan
-    row_later = {int(track): row for row, track in enumerate(later[0])}
-    for row, track in enumerate(now[0].tolist()):
-        if track not in row_later:
-            continue
-        on_it, other = instance == track, row_later[track]
+    for track, row, other in zip(*np.intersect1d(now[0], later[0], return_indices=True), strict=True):
+        on_it = instance == track
         turn = later[1].yaw[other] - now[1].yaw[row]
         c, s = np.cos(turn), np.sin(turn)
         arm = points[on_it] - now[1].center[row]
-        turned = arm @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]).T
+        turned = arm @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
         motion[on_it] = turned - arm + (later[1].center[other] - now[1].center[row])
     return motion
 
@@ -237,9 +242,9 @@ def motion_beside(source: Path, sequence: Sequence, index: int) -> npt.NDArray[n
     if now is None or truth is None:
         return None
     later = boxes_beside(source, names[index + 1]) if index + 1 < len(names) else None
-    ids, boxes = (np.zeros(0, np.int64), Boxes.empty()) if later is None else later[:2]
+    of_later = (np.zeros(0, np.int64), Boxes.empty()) if later is None else later[:2]
     points = transform(now.T_boxes_sensor, sequence[index].points)
-    motion = motion_with_boxes(points, (truth >> 16).astype(np.int64), now[:2], (ids, boxes))
+    motion = motion_with_boxes(points, (truth >> 16).astype(np.int64), now[:2], of_later)
     motion = motion @ now.T_boxes_sensor[:3, :3].astype(np.float32)
     motion[(truth & 0xFFFF) == Label.UNLABELED] = np.nan
     return motion

@@ -136,13 +136,10 @@ def time_column(columns: Columns) -> npt.NDArray | None:
         is_whole = np.array_equal(whole, np.floor(whole)) and np.abs(whole).max(initial=0) < 2**33
         if is_whole and 0 <= rest.min(initial=0) < rest.max(initial=0) < 1e9:
             return whole.astype(np.int64) * 10**9 + rest.astype(np.int64)
-    known = (_subtractable(numbers[name]) for name in called(numbers, "time"))
+    known = (numbers[name] for name in called(numbers, "time"))
+    # int16 of either sign may not hold the difference of two of them
+    known = (times.astype(np.int64, copy=False) if times.dtype.kind == "i" else times for times in known)
     return next((times for times in known if _span(times) > 0), None)
-
-
-def _subtractable(times: npt.NDArray) -> npt.NDArray:
-    """Return `times` (N,) in a type that holds the difference of any two of them: int16 of either sign may not."""
-    return times.astype(np.int64, copy=False) if times.dtype.kind == "i" else times
 
 
 def ring_column(columns: Columns) -> npt.NDArray[np.uint16] | None:
@@ -150,10 +147,9 @@ def ring_column(columns: Columns) -> npt.NDArray[np.uint16] | None:
     return _ring(_first(_numbers(columns), "ring"))
 
 
-def sensor_column(columns: Columns) -> npt.NDArray[np.int64] | None:
+def sensor_column(columns: Columns) -> npt.NDArray[np.uint16] | None:
     """Return (N,) which of several merged LiDARs each point is from, None where no column of whole numbers says it."""
-    values = _ring(_first(_numbers(columns), "sensor"))
-    return None if values is None else values.astype(np.int64)
+    return _ring(_first(_numbers(columns), "sensor"))
 
 
 def find_time_unit(times: npt.NDArray) -> float:

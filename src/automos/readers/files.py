@@ -27,7 +27,7 @@ _LONGEST_HEADER = 1 << 14
 
 def holds_point_files(folder: Path) -> bool:
     """Return whether any file of `folder` could be a scan."""
-    return any(True for _ in point_files(folder))
+    return bool(point_files(folder))
 
 
 def holds_scans(folder: Path) -> bool:
@@ -78,26 +78,27 @@ def list_scans(folder: Path, codec: str | None = None) -> tuple[list[str], str, 
         No scan files, or several kinds of them.
     """
     names = point_files(folder)
-    if codec is not None and suffix_codec(codec) is not None:
-        names = [name for name in names if CODEC_OF_SUFFIX[_suffix(name)] == suffix_codec(codec)]
+    if codec is not None and (wanted := suffix_codec(codec)) is not None:
+        names = [name for name in names if CODEC_OF_SUFFIX[_suffix(name)] == wanted]
     elif any(_suffix(name) not in TEXT for name in names):
         # beside real point files these are notes and tables
         names = [name for name in names if _suffix(name) not in TEXT]
     if not names:
-        kind = "" if codec is None else f" for format {codec!r}"
-        raise InputError(f"{folder} holds no scans{kind}; give a folder of .bin, .pcd, .ply, .npy or .xyz files")
+        wish = "" if codec is None else f" for format {codec!r}"
+        raise InputError(f"{folder} holds no scans{wish}; give a folder of .bin, .pcd, .ply, .npy or .xyz files")
     _require_no_folder(folder, _suffix(names[0]))
-    counts = Counter(_suffix(name) for name in names)
+    counts = Counter(map(_suffix, names)).most_common()
+    kind = CODEC_OF_SUFFIX[counts[0][0]]
     if len(counts) > 1:
-        listed = ", ".join(f"{count} {suffix}" for suffix, count in counts.most_common())
+        listed = ", ".join(f"{count} {suffix}" for suffix, count in counts)
         raise InputError(f"{folder} mixes formats: {listed}; keep one kind, or name it with --format")
     _require_sound(names, folder)
     stamps = stamps_from_names([name[: -len(_suffix(name))] for name in names])
     _require_one_series(names, stamps, folder)
     if stamps is not None:
         order = np.argsort(stamps)
-        return [names[i] for i in order], CODEC_OF_SUFFIX[_suffix(names[0])], stamps[order]
-    return sorted(names, key=natural_key), CODEC_OF_SUFFIX[_suffix(names[0])], None
+        return [names[i] for i in order], kind, stamps[order]
+    return sorted(names, key=natural_key), kind, None
 
 
 def find_copies(paths: Sequence[Path], n_points: Callable[[int], int]) -> npt.NDArray[np.int64]:
@@ -154,10 +155,8 @@ def _require_sound(names: Sequence[str], folder: Path) -> None:
     """Raise where two scans differ in their suffix alone, a name is not text, or a scan is not a regular file."""
     known: dict[str, str] = {}
     for name in names:
-        if not os.path.isfile(folder / name):
-            raise InputError(
-                f"{folder / name} is not a regular file (a pipe, a device or a link to nothing); remove it"
-            )
+        if not os.path.isfile(path := folder / name):
+            raise InputError(f"{path} is not a regular file (a pipe, a device or a link to nothing); remove it")
         if not is_text(name):
             raise InputError(f"{folder} holds a scan whose name is not UTF-8, {name!a}; rename it")
         twin = known.setdefault(os.path.splitext(name)[0], name)
@@ -192,11 +191,7 @@ def _require_no_folder(folder: Path, suffix: str) -> None:
 
 def is_text(name: str) -> bool:
     """Return whether a file's name can be written down: systems allow any bytes."""
-    try:
-        name.encode()
-    except UnicodeEncodeError:
-        return False
-    return True
+    return re.search("[\ud800-\udfff]", name) is None
 
 
 def natural_key(name: str) -> tuple[list[str | int], str]:
@@ -209,16 +204,10 @@ def point_files(folder: Path) -> list[str]:
     """Return the names of what may be scans in a folder, text included; InputError where it cannot be read."""
     try:
         with os.scandir(folder) as entries:
-            return [entry.name for entry in entries if _is_point_file(entry)]
+            likely = [entry for entry in entries if _suffix(entry.name) in CODEC_OF_SUFFIX and entry.name[0] != "."]
+            return [entry.name for entry in likely if entry.name.lower() not in _SIDE_FILES and not entry.is_dir()]
     except OSError as error:
         raise InputError(f"{error.filename or folder} cannot be read: {error.strerror}") from None
-
-
-def _is_point_file(entry: os.DirEntry[str]) -> bool:
-    name = entry.name.lower()
-    return (
-        _suffix(name) in CODEC_OF_SUFFIX and not name.startswith(".") and name not in _SIDE_FILES and not entry.is_dir()
-    )
 
 
 def _suffix(name: str) -> str:

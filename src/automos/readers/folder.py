@@ -13,14 +13,15 @@ from automos.core.geometry import inverse
 from automos.core.label_files import read_labels
 from automos.core.pose_files import read_calib, read_poses
 from automos.core.reading import damage_reported, is_there
-from automos.core.scan import Mask, Pose, Scan, Sequence
+from automos.core.scan import Mask, Pose, Scan
 from automos.core.upright_boxes import TrueBoxes
 from automos.readers import files
 from automos.readers.box_truth import boxes_beside, motion_beside
 from automos.readers.codecs import LAYOUTS, is_columns, parse_columns, read_columns
 from automos.readers.column_names import has_time
-from automos.readers.columns import Columns, coordinates, sensor_column, time_column, to_scan
+from automos.readers.columns import Columns, coordinates, sensor_column, time_column
 from automos.readers.formats import Format
+from automos.readers.listed import FileSequence
 from automos.readers.point_times import PointTimes, judge_times, sweep_starts
 from automos.readers.record_layout import find_columns
 from automos.readers.scan_times import read_times, times_file
@@ -37,10 +38,11 @@ def find(path: Path) -> list[Path]:
     return [path] if path.is_dir() and (files.holds_scans(path) or files.holds_tables(path)) else []
 
 
-class FolderSequence(Sequence):
-    """Scans that lie as one file each in one folder: of kind `codec`, of `columns` where they do not name theirs."""
+class FolderSequence(FileSequence):
+    """Scans that lie as one file each in one folder: of kind `codec`, of `columns` where they do not name theirs.
 
-    source: Path
+    Stamps are the points' own times, else those in times.txt; where names are times, those in times.txt, else these.
+    """
 
     def __init__(self, source: Path, codec: str | None = None, scan_folder: str = "."):
         """List the scans in `source / scan_folder`, read as `codec` says if given; other files lie in `source`.
@@ -53,11 +55,12 @@ class FolderSequence(Sequence):
         self.source = Path(source)
         self.name = self.source.resolve().name
         self._folder = self.source / scan_folder
-        self._files, self.codec, stamps = files.list_scans(self._folder, codec)
+        found, self.codec, stamps = files.list_scans(self._folder, codec)
+        self.paths = [self._folder / name for name in found]
         if is_guessed := codec is None and self.codec == "bin":
             codec = find_columns(self.paths)
         self.columns = LAYOUTS.get(codec or "", codec if codec and is_columns(codec) else "")
-        self._names = [Path(file).stem for file in self._files]
+        self._names = [file.stem for file in self.paths]
         self._read = lru_cache(16)(self._read)  # type: ignore[method-assign]  # once, for all questions here
         self._mounts = read_mounts(self.source)
         times = self._read_times(stamps)
@@ -66,14 +69,14 @@ class FolderSequence(Sequence):
         if stamps is None and self._point_times.is_absolute:
             times = sweep_starts(self._read, self.paths, self._point_times, times)
             self._clock = "the points' own times"
-        self._stamps: npt.NDArray[np.float64] | None = None
+        self._stamps = None
         self._T_file_sensor: Pose | None = None
         if times is None:
             ordered = put_in_seen_order(lambda index: self[index].points, self._names, self._folder)
         else:
             ordered = put_in_order(times, self._names, self._folder)
         self._order, self._stamps, self._warnings = ordered.order, ordered.stamps, ordered.warnings
-        self._files = [self._files[i] for i in self._order]
+        self.paths = [self.paths[i] for i in self._order]
         self._names = [self._names[i] for i in self._order]
         self._viewpoints, self._surplus = read_viewpoints(self.paths, self.codec)
         self._T_file_sensor = self._find_frame()
@@ -83,17 +86,12 @@ class FolderSequence(Sequence):
         frame = "The clouds are in the frame of a map; the poses that came with them took them back."
         self._found = [columns] * (is_guessed and codec != LAYOUTS["bin"]) + [frame] * (self._T_file_sensor is not None)
 
-    def __len__(self) -> int:
-        return len(self._files)
-
     def __getitem__(self, index: int) -> Scan:
-        path = self._folder / self._files[index := self._scan_number(index)]
+        path = self.paths[index := self._scan_number(index)]
         columns = self._read(path)
-        has_time = time_column(columns) is not None
-        stamp = None if self._stamps is None else float(self._stamps[index])
-        time_unit = (self._point_times.unit or 0.0) if has_time else None
+        time_unit = None if time_column(columns) is None else self._point_times.unit or 0.0
         T = None if self._T_file_sensor is None else self._T_file_sensor[index]
-        scan = to_scan(columns, path, self._names[index], stamp, time_unit, self._unit[0], T)
+        scan = self._to_scan(index, columns, time_unit, self._unit[0], T)
         return scan if self._mounts is None else self._mounts.applied_to(scan, sensor_column(columns), path)
 
     def _read(self, path: Path) -> Columns:
@@ -114,20 +112,10 @@ class FolderSequence(Sequence):
         return find_frame(self._raw_points, len(self), claims, self._viewpoints is not None, self._folder, fault)
 
     @property
-    def names(self) -> list[str]:
-        """File names without their suffix."""
-        return self._names
-
-    @property
     def about(self) -> dict[str, str]:
         """Kind of the files, and the columns of those that do not name them; what gives the stamps; their frame."""
-        files = f"{Path(self._files[0]).suffix.lower()} files{self.columns and f' of {self.columns}'}"
+        files = f"{self.paths[0].suffix.lower()} files{self.columns and f' of {self.columns}'}"
         return {"files": files, "times": self._clock, "frame": frame_said(self._T_file_sensor)}
-
-    @property
-    def stamps(self) -> npt.NDArray[np.float64] | None:
-        """(len,) seconds from the points' own times, else times.txt; where names are times, times.txt, else these."""
-        return self._stamps
 
     @property
     def warnings(self) -> list[str]:
@@ -190,11 +178,6 @@ class FolderSequence(Sequence):
         return f"{super().fingerprint()}:{digest.hexdigest()}"
 
     # -------------------------------------------------------------------------------------------- files beside
-    @property
-    def paths(self) -> list[Path]:
-        """The file of each scan."""
-        return [self._folder / file for file in self._files]
-
     @cached_property
     def _fullest(self) -> Path:
         """The largest file, which says most about how all of them are to be read."""
@@ -215,7 +198,7 @@ class FolderSequence(Sequence):
 
     def _n_points(self, index: int) -> int:
         if self.codec == "bin":
-            return (self._folder / self._files[index]).stat().st_size // parse_columns(self.columns).itemsize
+            return self.paths[index].stat().st_size // parse_columns(self.columns).itemsize
         return len(self[index])
 
     @cached_property

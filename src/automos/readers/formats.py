@@ -1,13 +1,11 @@
-"""What a reader declares of itself, how it finds recordings, and the sequences that readers derive from.
+"""What a reader declares of itself, how it finds recordings, and what those of several sensors in a file share.
 
-A listed sequence has one file per scan, of a kind that its format fixes, listed once, read when asked for. A sensor's
-is one of those in a file, named as if the file were a folder: `drive.pcap/SENSOR`.
+A sensor's sequence is one of those in a file, named as if the file were a folder: `drive.pcap/SENSOR`.
 """
 
 import hashlib
 import importlib
 import os
-from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,8 +16,8 @@ import numpy.typing as npt
 
 from automos.core.errors import InputError, MissingExtraError
 from automos.core.extras import pip_install
+from automos.core.geometry import Array
 from automos.core.scan import Sequence as ScanSequence
-from automos.readers.files import is_text
 
 
 @dataclass(frozen=True)
@@ -46,9 +44,12 @@ class Format:
 
 def recordings_at(path: Path, is_recording: Callable[[Path], bool]) -> list[Path]:
     """Return `path` if it is a recording, else those that lie in it, by name."""
-    if is_recording(path):
-        return [path]
-    return sorted(filter(is_recording, path.iterdir())) if path.is_dir() else []
+    return [path] if is_recording(path) else recordings_in(path, is_recording)
+
+
+def recordings_in(folder: Path, is_recording: Callable[[Path], bool]) -> list[Path]:
+    """Return the recordings that lie in a folder, by name."""
+    return sorted(filter(is_recording, folder.iterdir())) if folder.is_dir() else []
 
 
 def import_extra(module: str, extra: str) -> Any:
@@ -66,79 +67,6 @@ def import_extra(module: str, extra: str) -> Any:
         raise MissingExtraError(f"{package} is not installed; run: {pip_install(extra)}") from None
 
 
-class ListedSequence(ScanSequence):
-    """Scans in files; readers derive from it and say how one is read."""
-
-    source: Path
-
-    def __init__(
-        self,
-        source: Path,
-        files: Sequence[Path],
-        names: Sequence[str] | None = None,
-        stamps: npt.ArrayLike | None = None,
-        name: str | None = None,
-    ):
-        """Take the scans' files in time order, their names (none: the files' stems) and stamps in seconds.
-
-        Raises
-        ------
-        InputError
-            No files, or stamps that do not increase.
-        """
-        stray = next((file for file in files if not is_text(file.name)), None)
-        if stray is not None:
-            raise InputError(f"{source} holds a scan whose name is not UTF-8, {stray.name!a}; rename it")
-        if not files:
-            raise InputError(f"{source} holds no scans; check that it was copied or downloaded whole")
-        self.source = source
-        self.name = name or source.resolve().name
-        self._files = list(files)
-        self._names = [file.stem for file in files] if names is None else list(names)
-        twice = next((name for name, count in Counter(self._names).items() if count > 1), None)
-        if twice is not None:
-            raise InputError(
-                f"{source} has two scans named {twice}, whose labels would have one name; remove one of them"
-            )
-        self._stamps = None if stamps is None else np.asarray(stamps, np.float64)
-        if self._stamps is not None:
-            require_increasing(self._stamps, self._names, source)
-
-    def __len__(self) -> int:
-        return len(self._files)
-
-    @property
-    def names(self) -> list[str]:
-        """One name per scan."""
-        return self._names
-
-    @property
-    def stamps(self) -> npt.NDArray[np.float64] | None:
-        """(len,) seconds or None."""
-        return self._stamps
-
-    def fingerprint(self) -> str:
-        """Return a text that changes when a file's name, size or time of change does, or the stamps."""
-        stamps = b"" if self._stamps is None else self._stamps.tobytes()
-        return f"{super().fingerprint()}:{digest_of_files(self._files, stamps)}"
-
-
-def stamped_files(folder: Path, suffix: str, unit: float = 1e-9) -> tuple[list[Path], npt.NDArray[np.float64]]:
-    """Return the files of `folder` that are named by their time alone, in order of it, and those times in seconds.
-
-    Raises
-    ------
-    InputError
-        A file of another name.
-    """
-    files = [path for path in folder.glob(f"*{suffix}") if not path.name.startswith(".")]
-    stray = next((path for path in files if not (path.stem.isascii() and path.stem.isdecimal())), None)
-    if stray is not None:
-        raise InputError(f"{stray} is not named by its time; {folder} must hold only scans that are")
-    files.sort(key=lambda path: int(path.stem))
-    return files, unit * np.array([int(path.stem) for path in files], np.float64)
-
-
 def digest_of_files(files: Iterable[Path], *more: bytes) -> str:
     """Return a text that changes when the name, size or time of change of any of `files` does, or `more`.
 
@@ -154,12 +82,11 @@ def digest_of_files(files: Iterable[Path], *more: bytes) -> str:
         except OSError as error:
             raise InputError(f"{file} cannot be read: {error.strerror}; the recording is not whole") from None
         digest.update(os.fsencode(f"{file.name}\0{status.st_size}\0{status.st_mtime_ns}\n"))  # names are any bytes
-    for part in more:
-        digest.update(part)
+    digest.update(b"".join(more))
     return digest.hexdigest()
 
 
-def require_increasing(stamps: npt.NDArray[np.float64], names: Sequence[str], where: Path) -> None:
+def require_increasing(stamps: Array, names: Sequence[str], where: Path) -> None:
     """Raise where `stamps` (N,) in seconds repeat or run backwards; `names` and `where` are for the message.
 
     Raises
@@ -192,7 +119,7 @@ class SensorSequence(ScanSequence):
     """Packets are as measured."""
 
     source: Path
-    _stamps: npt.NDArray[np.float64]
+    _stamps: Array
     _identity: str
 
     def __init__(self, path: Path):
@@ -215,7 +142,7 @@ class SensorSequence(ScanSequence):
         return len(self._stamps)
 
     @property
-    def stamps(self) -> npt.NDArray[np.float64]:
+    def stamps(self) -> Array:
         """(len,) seconds, of each sweep's first packet on the sensor's clock, which may be set to the recorder's."""
         return self._stamps
 

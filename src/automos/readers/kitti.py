@@ -10,6 +10,7 @@ cannot move is static; people, riders, cars and bikes have no truth.
 KITTI's tracking benchmark: training/velodyne/SSSS/*.bin, label_02/SSSS.txt, calib/SSSS.txt, oxts/SSSS.txt.
 """
 
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
@@ -17,15 +18,14 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
-from automos.core.geometry import inverse, transform
+from automos.core.geometry import Array, inverse, transform
 from automos.core.labels import Label
 from automos.core.reading import is_there, read_text
 from automos.core.scan import Pose
-from automos.core.upright_boxes import Boxes
 from automos.readers.box_truth import DrawnBoxes, checked_boxes
 from automos.readers.files import natural_key
 from automos.readers.folder import FolderSequence
-from automos.readers.formats import Format, require_increasing
+from automos.readers.formats import Format, recordings_in, require_increasing
 from automos.readers.kitti_calibration import IMAGE_SIZE, PACKET, Calibration, Camera, KittiTruth, poses_from_packets
 from automos.readers.records import read_table
 from automos.readers.stamped_poses import sensor_poses
@@ -35,15 +35,19 @@ _SCANS = "velodyne"
 
 def find(path: Path) -> list[Path]:
     """Return the recordings at `path`: itself, or those of a dataset root (in `sequences/` or directly) by name."""
-    if (path / _SCANS).is_dir():
+    if _is_kitti(path):
         return [path]
-    root = path / "sequences" if (path / "sequences").is_dir() else path
-    if not root.is_dir():
-        return []
-    return sorted(
-        (p for p in root.iterdir() if not p.name.startswith(".") and (p / _SCANS).is_dir()),
-        key=lambda p: natural_key(p.name),
-    )
+    found = recordings_in(_within(path, "sequences"), lambda p: not p.name.startswith(".") and _is_kitti(p))
+    return sorted(found, key=lambda p: natural_key(p.name))
+
+
+def _is_kitti(path: Path) -> bool:
+    return (path / _SCANS).is_dir()
+
+
+def _within(path: Path, name: str) -> Path:
+    """Return the folder of this name in `path`, else `path` itself, which may be that folder."""
+    return path / name if (path / name).is_dir() else path
 
 
 class KittiSequence(FolderSequence):
@@ -64,12 +68,10 @@ _SPLITS = ("train.txt", "val.txt", "test.txt")
 
 def _find_helimos(path: Path) -> list[Path]:
     """Return the sensors' folders at `path`: itself, or those beside the lists of labelled scans, by name."""
-    if (path / "velodyne").is_dir() and _has_splits(path.resolve().parent):
+    if _is_kitti(path) and _has_splits(path.resolve().parent):
         return [path]
-    root = path / "Deskewed_LiDAR" if (path / "Deskewed_LiDAR").is_dir() else path
-    if not root.is_dir() or not _has_splits(root):
-        return []
-    return sorted(p for p in root.iterdir() if (p / "velodyne").is_dir())
+    root = _within(path, "Deskewed_LiDAR")
+    return recordings_in(root, _is_kitti) if _has_splits(root) else []
 
 
 def _has_splits(folder: Path) -> bool:
@@ -92,11 +94,6 @@ _STATIC = (8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 22)
 """Trunk, plants, traffic signs, pole, trashcan, building, cone, fence, ground."""
 
 
-def _find_semanticposs(path: Path) -> list[Path]:
-    """Return the recordings at `path` that have tags."""
-    return [recording for recording in find(path) if (recording / "tag").is_dir()]
-
-
 class SemanticPossSequence(KittiSequence):
     """One sequence."""
 
@@ -117,12 +114,10 @@ _WORDS = (17, 18)
 
 def _find_tracking(path: Path) -> list[Path]:
     """Return the sequences at `path`: itself, or those of a split or of the root, by name."""
-    if path.is_dir() and path.parent.name == "velodyne" and is_there(_calib_of(path)):
+    if path.is_dir() and path.parent.name == _SCANS and is_there(_calib_of(path)):
         return [path]
-    root = path / "training" if (path / "training" / "velodyne").is_dir() else path
-    if not (root / "velodyne").is_dir():
-        return []
-    return sorted(p for p in (root / "velodyne").iterdir() if p.is_dir() and is_there(_calib_of(p)))
+    root = path / "training" if _is_kitti(path / "training") else path
+    return recordings_in(root / _SCANS, lambda p: p.is_dir() and is_there(_calib_of(p)))
 
 
 def _calib_of(path: Path) -> Path:
@@ -138,11 +133,10 @@ class KittiTrackingSequence(KittiTruth, FolderSequence):
     def __init__(self, source: Path):
         """List the scans in folder `source`."""
         super().__init__(source, codec="bin")
-        self._frames = np.array([int(name) for name in self._names])
 
-    def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:
+    def _read_times(self, stamps_from_names: Array | None) -> Array:
         self._require_numbered(self.source)
-        times = _PERIOD * np.array([int(name) for name in self._names])
+        times: Array = _PERIOD * self._frames.astype(np.float64)
         require_increasing(times, self._names, self.source)
         return times
 
@@ -155,7 +149,8 @@ class KittiTrackingSequence(KittiTruth, FolderSequence):
         packets = read_table(path, PACKET, "poses")
         if len(packets) <= self._frames.max():
             raise InputError(f"{path} holds {len(packets)} poses, but there is a scan {self._names[-1]}; copy it again")
-        return sensor_poses(poses_from_packets(packets[self._frames], path), inverse(self._T_sensor_imu))
+        T_sensor_imu = self._calibration.transform("Tr_imu_velo", "Tr_imu_to_velo")
+        return sensor_poses(poses_from_packets(packets[self._frames], path), inverse(T_sensor_imu))
 
     # ------------------------------------------------------------------------------------------------- files beside
     def _beside(self, folder: str) -> Path:
@@ -171,12 +166,8 @@ class KittiTrackingSequence(KittiTruth, FolderSequence):
 
     @cached_property
     def _T_rectified_sensor(self) -> Pose:
-        R = self._calibration.transform("R_rect", "R0_rect", size=9)
-        return R @ self._calibration.transform("Tr_velo_cam", "Tr_velo_to_cam")
-
-    @cached_property
-    def _T_sensor_imu(self) -> Pose:
-        return self._calibration.transform("Tr_imu_velo", "Tr_imu_to_velo")
+        calibration = self._calibration
+        return calibration.rotation("R_rect", "R0_rect") @ calibration.transform("Tr_velo_cam", "Tr_velo_to_cam")
 
     @cached_property
     def _camera(self) -> Camera:
@@ -201,10 +192,10 @@ class KittiTrackingSequence(KittiTruth, FolderSequence):
         T_sensor_rectified = inverse(self._T_rectified_sensor)
         # The box's place is the middle of its underside, the y-axis points down, and it is turned about that.
         raised = in_camera.center - np.outer(0.5 * in_camera.size[:, 2], [0.0, 1.0, 0.0])
-        center = transform(T_sensor_rectified, raised)
         turn = in_camera.yaw
         heading = np.column_stack([np.cos(turn), np.zeros(len(turn)), -np.sin(turn)]) @ T_sensor_rectified[:3, :3].T
-        boxes = Boxes(center, in_camera.size, np.arctan2(heading[:, 1], heading[:, 0]), in_camera.score)
+        yaw = np.arctan2(heading[:, 1], heading[:, 0])
+        boxes = replace(in_camera, center=transform(T_sensor_rectified, raised), yaw=yaw)
         return self._in_scans(numbers[:, 0], numbers[:, 1] + 1, boxes)
 
 
@@ -225,7 +216,7 @@ FORMATS = {
     "semanticposs": Format(
         layout="SemanticPOSS: KITTI's layout and tag/*.tag",
         truth="static classes of labels/*.label; what moves is not labelled",
-        find=_find_semanticposs,
+        find=lambda path: [recording for recording in find(path) if (recording / "tag").is_dir()],
         open=SemanticPossSequence,
     ),
     "kitti_tracking": Format(

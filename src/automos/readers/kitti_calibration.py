@@ -16,7 +16,7 @@ from automos.core.reading import read_text
 from automos.core.scan import Points, Pose, Scan
 from automos.core.upright_boxes import Boxes
 from automos.readers.box_truth import DrawnBoxes, DrawnTruth, centers_in_world, judge_boxes
-from automos.readers.stamped_poses import rigid_transforms
+from automos.readers.stamped_poses import from_rotations, from_rows, rigid_transforms
 
 PACKET = 30
 """Numbers in a GPS/IMU packet."""
@@ -27,12 +27,6 @@ Camera = tuple[Pose, npt.NDArray[np.float64], tuple[float, float]]
 """T_rectified_sensor (4, 4), the (3, 4) projection from there to pixels, and the picture's width and height."""
 IMAGE_SIZE = (1242, 375)
 """Pixels, width and height, of the rectified pictures where the calibration does not say."""
-
-
-def rigid(row: npt.NDArray[np.float64], path: Path) -> Pose:
-    """Return (4, 4) from 12 numbers (3 x 4) or 9 (a rotation); InputError that names `path` where they are none."""
-    T = make_transform(row.reshape(3, 3)) if len(row) == 9 else np.vstack([row.reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
-    return rigid_transforms(T[None], path)[0]
 
 
 class Calibration:
@@ -63,9 +57,15 @@ class Calibration:
             )
         return row
 
-    def transform(self, *names: str, size: int = 12) -> Pose:
-        """Return (4, 4) of such a row, of 12 numbers or 9."""
-        return rigid(self.row(*names, size=size), self._path)
+    def transform(self, *names: str) -> Pose:
+        """Return (4, 4) of such a row of 12 numbers."""
+        return from_rows(self.row(*names, size=12), self._path)[0]
+
+    def rotation(self, *names: str, to: str | None = None) -> Pose:
+        """Return (4, 4) of such a row of 9 numbers; with the translation of 3 numbers that `to` names."""
+        R = self.row(*names, size=9).reshape(3, 3)
+        T = rigid_transforms(make_transform(R)[None], self._path)[0]
+        return T if to is None else make_transform(T[:3, :3], self.row(to, size=3))
 
 
 def poses_from_packets(packets: npt.NDArray[np.float64], path: Path) -> Pose:
@@ -86,12 +86,9 @@ def poses_from_packets(packets: npt.NDArray[np.float64], path: Path) -> Pose:
         raise InputError(f"{path}: packet {bad} is of no place on Earth; download it again")
     latitude, longitude, altitude = packets[:, :3].T
     scale = np.cos(np.radians(latitude[0])) * EARTH_RADIUS
-    T = np.tile(np.eye(4), (len(packets), 1, 1))
-    T[:, 0, 3] = scale * np.radians(longitude)
-    T[:, 1, 3] = scale * np.log(np.tan(np.radians(90.0 + latitude) / 2.0))
-    T[:, 2, 3] = altitude
-    T[:, :3, :3] = Rotation.from_euler("xyz", packets[:, 3:6]).as_matrix()
-    return T
+    north = scale * np.log(np.tan(np.radians(90.0 + latitude) / 2.0))
+    place = np.column_stack([scale * np.radians(longitude), north, altitude])
+    return from_rotations(Rotation.from_euler("xyz", packets[:, 3:6]).as_matrix(), place, path)
 
 
 def in_view(
@@ -127,6 +124,11 @@ class KittiTruth(DrawnTruth):
     def _camera(self) -> Camera:
         raise NotImplementedError
 
+    @property
+    def _oxts(self) -> Path:
+        """Where the packets of GPS and IMU lie, from which the poses are."""
+        raise NotImplementedError
+
     def _boxes_of(self, index: int) -> tuple[DrawnBoxes, Pose] | None:
         return None if self._drawn is None else (self._drawn.of(index), np.eye(4))
 
@@ -134,14 +136,9 @@ class KittiTruth(DrawnTruth):
         """Return the labels of what the camera sees: nobody drew boxes elsewhere."""
         return np.where(in_view(scan.points, *self._camera), labels, np.uint32(Label.UNLABELED))
 
-    @property
-    def _oxts(self) -> Path:
-        """Where the packets of GPS and IMU lie, from which the poses are."""
-        raise NotImplementedError
-
     def _in_scans(self, frame: npt.NDArray[np.int64], track: npt.NDArray[np.int64], boxes: Boxes) -> DrawnBoxes:
         """Return those of R boxes in the sensor's frame, by the number of a frame (R,), of which there is a scan."""
-        frames, stamps = np.array([int(name) for name in self.names]), self.stamps
+        frames, stamps = self._frames, self.stamps
         scan = np.searchsorted(frames, frame).clip(0, len(frames) - 1)
         rows = np.flatnonzero(frames[scan] == frame)
         scan, track, boxes = scan[rows], track[rows], boxes[rows]
@@ -150,6 +147,11 @@ class KittiTruth(DrawnTruth):
             raise InputError(f"{self._oxts} is missing; without poses it is not known which boxes move")
         seconds = 0.1 * frame[rows].astype(np.float64) if stamps is None else stamps[scan]
         return DrawnBoxes(scan, track, boxes, judge_boxes(track, seconds, centers_in_world(poses[scan], boxes.center)))
+
+    @property
+    def _frames(self) -> npt.NDArray[np.int64]:
+        """(len,) the scans' numbers, which are their names."""
+        return np.array([int(name) for name in self.names])
 
     def _require_numbered(self, folder: Path) -> None:
         """Raise InputError where a scan in `folder` is not named by its number."""

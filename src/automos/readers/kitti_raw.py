@@ -19,10 +19,10 @@ from automos.core.scan import Pose
 from automos.readers.box_truth import DrawnBoxes, checked_boxes
 from automos.readers.folder import FolderSequence
 from automos.readers.formats import Format, require_increasing
-from automos.readers.kitti_calibration import PACKET, Calibration, Camera, KittiTruth, poses_from_packets, rigid
+from automos.readers.kitti_calibration import PACKET, Calibration, Camera, KittiTruth, poses_from_packets
 from automos.readers.records import read_table
 from automos.readers.scan_times import read_times
-from automos.readers.stamped_poses import rigid_transforms, sensor_poses, truth_beside
+from automos.readers.stamped_poses import from_rows, sensor_poses, truth_beside
 
 _SCANS = ("velodyne_points/data", "ouster_points/data")
 """Of KITTI and KITTI-360, and of VBR's converter."""
@@ -68,7 +68,7 @@ class KittiRawSequence(KittiTruth, FolderSequence):
         if not (self._oxts / "data").is_dir():
             return self._published_poses()
         path = self.source.resolve().parent / "calib_imu_to_velo.txt"
-        return sensor_poses(self._T_map_imu, inverse(_read_transform(path)))
+        return sensor_poses(self._T_map_imu, inverse(Calibration(path).rotation("R", to="T")))
 
     def _published_poses(self) -> Pose | None:
         told = truth_beside(self.source, self.source.resolve().name)
@@ -79,12 +79,11 @@ class KittiRawSequence(KittiTruth, FolderSequence):
         if not is_there(path):
             return None
         table, calibration = read_table(path, 13, "poses"), root / "calibration"
-        T = rigid_transforms(np.insert(table[:, 1:], 12, [[0.0], [0.0], [0.0], [1.0]], axis=1).reshape(-1, 4, 4), path)
-        T_velo_camera = rigid(read_table(calibration / "calib_cam_to_velo.txt", 12, "a pose")[0], calibration)
+        T_velo_camera = from_rows(read_table(calibration / "calib_cam_to_velo.txt", 12, "a pose")[0], calibration)[0]
         T_pose_camera = Calibration(calibration / "calib_cam_to_pose.txt").transform("image_00")
-        frames = np.array([int(name) for name in self._names], np.float64)
         # none was published of frames in which the car stood
-        return sensor_poses(interpolate_poses(table[:, 0], T, frames), T_pose_camera @ inverse(T_velo_camera))
+        T = interpolate_poses(table[:, 0], from_rows(table[:, 1:], path), self._frames.astype(np.float64))
+        return sensor_poses(T, T_pose_camera @ inverse(T_velo_camera))
 
     # ------------------------------------------------------------------------------------------------- files beside
     @property
@@ -111,7 +110,7 @@ class KittiRawSequence(KittiTruth, FolderSequence):
         """
         day = self.source.resolve().parent
         camera = Calibration(day / "calib_cam_to_cam.txt")
-        T = camera.transform("R_rect_00", size=9) @ _read_transform(day / "calib_velo_to_cam.txt")
+        T = camera.rotation("R_rect_00") @ Calibration(day / "calib_velo_to_cam.txt").rotation("R", to="T")
         width, height = camera.row(f"S_rect_{number:02d}", size=2)
         return T, camera.row(f"P_rect_{number:02d}", size=12).reshape(3, 4), (float(width), float(height))
 
@@ -125,23 +124,13 @@ class KittiRawSequence(KittiTruth, FolderSequence):
         if not is_there(path):
             return None
         try:
-            rows = [row for k, item in enumerate(_items(path), start=1) for row in _rows_of(item, k)]
+            items = ElementTree.fromstring(read_bytes(path)).findall("tracklets/item")
+            rows = [row for k, item in enumerate(items, start=1) for row in _rows_of(item, k)]
             table = np.array(rows, np.float64).reshape(-1, 9)
         except (OSError, *DAMAGE, ElementTree.ParseError) as error:
             raise InputError(f"{path} is not a complete file of tracklets ({error}); download it again") from None
         drawn = checked_boxes(table[:, 2:5], table[:, 5:8], table[:, 8], path)
         return self._in_scans(table[:, 1].astype(np.int64), table[:, 0].astype(np.int64), drawn)
-
-
-def _read_transform(path: Path) -> Pose:
-    calibration = Calibration(path)
-    T = calibration.transform("R", size=9)
-    T[:3, 3] = calibration.row("T", size=3)
-    return T
-
-
-def _items(path: Path) -> list[ElementTree.Element]:
-    return ElementTree.fromstring(read_bytes(path)).findall("tracklets/item")
 
 
 def _rows_of(item: ElementTree.Element, track: int) -> list[list[float]]:

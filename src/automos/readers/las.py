@@ -53,13 +53,11 @@ def read_here(path: Path) -> Columns:
             f"{path} is cut short: {len(las)} points, its header promises {promise.n_points}; copy it again"
         )
     names = set(las.point_format.dimension_names)
+    told = {"intensity": "intensity", "time": "gps_time"}
+    told = {column: name for column, name in told.items() if name in names}
+    told |= {name: name for name in las.point_format.extra_dimension_names if las[name].ndim == 1}
     columns: Columns = {axis: np.asarray(las[axis], np.float64) for axis in "xyz"}
-    if "intensity" in names:
-        columns["intensity"] = np.asarray(las.intensity)
-    if "gps_time" in names:
-        columns["time"] = np.asarray(las.gps_time)
-    extra = (name for name in las.point_format.extra_dimension_names if las[name].ndim == 1)
-    return columns | {name: np.asarray(las[name]) for name in extra}
+    return columns | {column: np.asarray(las[name]) for column, name in told.items()}
 
 
 class _Watched(io.FileIO):
@@ -73,9 +71,7 @@ class _Watched(io.FileIO):
     def readinto(self, buffer: Any) -> int:
         at = self.tell()
         if not self._begin <= at < self._end:
-            self.is_exceeded |= (
-                at >= self._end and self.reached > self._begin
-            )  # what is behind them is read before them
+            self.is_exceeded |= at >= self._end and self.reached > self._begin  # what is behind is read before them
             return super().readinto(buffer) or 0
         n = super().readinto(memoryview(buffer)[: max(self._end - _LAST - at, 1)]) or 0
         self.reached = max(self.reached, at + n)
@@ -93,14 +89,10 @@ def _unpack(path: Path, promise: Promise) -> Any:
     laspy = import_extra("laspy", "las")
     assert promise.packed is not None
     begin, end = promise.packed
-    las = laspy.read(path) if promise.n_before else None  # several chunks are unpacked at a time, the last one again
-    with (
-        _Watched(path, begin, end) as file,
-        laspy.open(file, laz_backend=laspy.LazBackend.Lazrs, closefd=False) as reader,
-    ):
-        if las is None:
-            las = reader.read()
-        else:
+    backend = laspy.LazBackend.Lazrs
+    with _Watched(path, begin, end) as file, laspy.open(file, laz_backend=backend, closefd=False) as reader:
+        las = laspy.read(path) if promise.n_before else reader.read()
+        if promise.n_before:  # several chunks are unpacked at a time, the last one again
             reader.seek(promise.n_before)
             reader.read_points(promise.n_points - promise.n_before)
         is_begun = file.reached > begin or promise.n_points == 0

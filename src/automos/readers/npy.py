@@ -4,7 +4,6 @@ One that holds several scans is a recording of its own, see `stacked`.
 """
 
 from pathlib import Path
-from typing import IO
 
 import numpy as np
 import numpy.typing as npt
@@ -81,12 +80,6 @@ def stack_in(array: npt.NDArray) -> list[npt.NDArray] | None:
     return None if are_several is None else list(array) if are_several else []
 
 
-def _is_plain(file: IO[bytes]) -> bool:
-    """Return whether an array of an archive is none of Python's objects, which others keep beside the points."""
-    with file:
-        return b"'|O'" not in file.read(200)
-
-
 def as_rows(matrix: npt.NDArray) -> npt.NDArray:
     """Return a row for each point of an array that may be an image, (H, W, C) or (C, H, W), or have (C, N) rows."""
     if matrix.ndim == 3 and 3 <= len(matrix) <= WIDEST < matrix.shape[2]:
@@ -102,9 +95,9 @@ def _read_archive(path: Path) -> dict[str, npt.NDArray]:
     with np.load(path, allow_pickle=False) as archive:
         if sum(entry.file_size for entry in archive.zip.infolist()) > MAX_TEXT:
             raise ValueError(f"its arrays unpack to more than {MAX_TEXT >> 20} MB")
-        files = {file.removesuffix(".npy"): file for file in archive.zip.namelist()}
-        arrays = {name: archive[name] for name in archive.files if _is_plain(archive.zip.open(files[name]))}
-    return {name: _flat(array) for name, array in arrays.items()}
+        # those of Python's objects are left out, which others keep beside the points
+        starts = {file.removesuffix(".npy"): archive.zip.open(file).read(200) for file in archive.zip.namelist()}
+        return {name: _flat(archive[name]) for name in archive.files if b"'|O'" not in starts[name]}
 
 
 def _flat(array: npt.NDArray) -> npt.NDArray:

@@ -5,25 +5,25 @@ of its own: `scene-0061/LIDAR_LEFT`. Boxes are drawn twice a second, so two
 scans a second have truth. The tables are read directly; of the large ones only what belongs to the scene is kept.
 """
 
-from collections.abc import Iterable
+from collections import defaultdict
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.core.labels import Label
 from automos.core.reading import damage_reported, is_there, read_json
 from automos.core.scan import Pose, Scan
-from automos.readers.box_truth import DrawnBoxes, DrawnTruth, checked_boxes, judge_boxes
+from automos.readers.box_truth import DrawnBoxes, DrawnTruth, checked_boxes
 from automos.readers.codecs import read_columns
-from automos.readers.columns import to_scan
-from automos.readers.formats import Format, ListedSequence
+from automos.readers.formats import Format
+from automos.readers.listed import ListedSequence
 from automos.readers.stamped_poses import from_quaternions, sensor_poses
 
-_MOVING = ("vehicle.moving", "cycle.with_rider", "pedestrian.moving")
+_MOVING = {"vehicle.moving", "cycle.with_rider", "pedestrian.moving"}
 
 Row = dict[str, Any]
 
@@ -64,34 +64,27 @@ class NuscenesSequence(DrawnTruth, ListedSequence):
             No such scene, a damaged table, or a table that names a file or row that is absent.
         """
         place = path if _is_tables(path.parent) else path.parent
-        tables, root = place.parent, place.parent.parent
+        tables = place.parent
         channel = _channels(tables)[0] if place == path else path.name
+        scenes, data = tables / "scene.json", tables / "sample_data.json"
         scene = next((row for row in _read(tables, "scene") if row["name"] == place.name), None)
         if scene is None:
-            raise InputError(
-                f"{tables / 'scene.json'} has no scene {place.name!r}; its scenes are listed by giving {tables}"
-            )
+            raise InputError(f"{scenes} has no scene {place.name!r}; its scenes are listed by giving {tables}")
         samples = {row["token"]: row for row in _read(tables, "sample") if row["scene_token"] == scene["token"]}
         sweeps = _sweeps_of(tables, samples, channel)
-        files = [root / row["filename"] for row in sweeps]
+        files = [tables.parent / row["filename"] for row in sweeps]
         absent = next((file for file in files if not file.exists()), None)
         if absent is not None:
-            raise InputError(
-                f"{tables / 'sample_data.json'} names {absent}, which is absent; unpack the archive of its sweeps too"
-            )
-        names = [file.name.split(".")[0] for file in files]
-        super().__init__(path, files, names, [1e-6 * row["timestamp"] for row in sweeps], place.name)
-        if place != path:
-            self.name += f"_{channel}"
-        self._T_global_sensor = _poses_of(tables, sweeps)
+            raise InputError(f"{data} names {absent}, which is absent; unpack the archive of its sweeps too")
+        name = place.name if place == path else f"{place.name}_{channel}"
+        super().__init__(path, files, [1e-6 * row["timestamp"] for row in sweeps], name)
+        self._T_global_sensor = _named_by(sweeps, tables, "ego_pose") @ _named_by(sweeps, tables, "calibrated_sensor")
         self._keyframe_of = [row["sample_token"] if row["is_key_frame"] else None for row in sweeps]
         self._drawn = _boxes_of(tables, samples)
 
     def __getitem__(self, index: int) -> Scan:
-        index = self._scan_number(index)
-        assert self.stamps is not None
-        columns = read_columns(self._files[index], "pcd" if self._files[index].suffix == ".pcd" else "bin5")
-        return to_scan(columns, self._files[index], self._names[index], float(self.stamps[index]))
+        path = self.paths[index := self._scan_number(index)]
+        return self._to_scan(index, read_columns(path, "pcd" if path.suffix == ".pcd" else "bin5"))
 
     @property
     def reference_poses(self) -> Pose:
@@ -120,25 +113,23 @@ def _read(tables: Path, name: str) -> list[Row]:
     return rows
 
 
-def _pick(tables: Path, name: str, tokens: Iterable[str]) -> dict[str, Row]:
-    """Return the rows of a table that have these tokens."""
+def _named_by(sweeps: list[Row], tables: Path, name: str) -> Pose:
+    """Return (N, 4, 4) the transforms of a table's rows that the rows of sweeps name."""
+    path, tokens = tables / f"{name}.json", [row[f"{name}_token"] for row in sweeps]
     wanted = set(tokens)
     found = {row["token"]: row for row in _read(tables, name) if row["token"] in wanted}
     missing = next(iter(wanted - found.keys()), None)
     if missing is not None:
-        raise InputError(f"{tables / f'{name}.json'} has no row {missing}, which another table names; unpack it again")
-    return found
+        raise InputError(f"{path} has no row {missing}, which another table names; unpack it again")
+    return _transforms([found[token] for token in tokens], path)
 
 
 def _sweeps_of(tables: Path, samples: dict[str, Row], channel: str) -> list[Row]:
     """Return the rows of one LiDAR's sweeps in a scene, in order of time."""
     sensors = {row["token"] for row in _read(tables, "sensor") if row["channel"] == channel}
     mounts = {row["token"] for row in _read(tables, "calibrated_sensor") if row["sensor_token"] in sensors}
-    rows = [
-        row
-        for row in _read(tables, "sample_data")
-        if row["sample_token"] in samples and row["calibrated_sensor_token"] in mounts
-    ]
+    of_scene = (row for row in _read(tables, "sample_data") if row["sample_token"] in samples)
+    rows = [row for row in of_scene if row["calibrated_sensor_token"] in mounts]
     if not rows:
         raise InputError(f"{tables / 'sample_data.json'} has no sweeps of the {channel} for this scene")
     links = {row["token"] for row in rows} | {"", None}
@@ -151,16 +142,6 @@ def _sweeps_of(tables: Path, samples: dict[str, Row], channel: str) -> list[Row]
     return sorted(rows, key=lambda row: row["timestamp"])
 
 
-def _poses_of(tables: Path, sweeps: list[Row]) -> Pose:
-    """Return (N, 4, 4) T_global_sensor of the sweeps."""
-    mounts = _pick(tables, "calibrated_sensor", (row["calibrated_sensor_token"] for row in sweeps))
-    egos = _pick(tables, "ego_pose", (row["ego_pose_token"] for row in sweeps))
-    T_global_ego = _transforms([egos[row["ego_pose_token"]] for row in sweeps], tables / "ego_pose.json")
-    of_sweeps = [mounts[row["calibrated_sensor_token"]] for row in sweeps]
-    T_ego_sensor = _transforms(of_sweeps, tables / "calibrated_sensor.json")
-    return T_global_ego @ T_ego_sensor
-
-
 def _transforms(rows: list[Row], path: Path) -> Pose:
     """Return (N, 4, 4) of rows of the table at `path` with a translation and a rotation, scalar first."""
     with damage_reported(path):
@@ -170,38 +151,26 @@ def _transforms(rows: list[Row], path: Path) -> Pose:
 
 def _boxes_of(tables: Path, samples: dict[str, Row]) -> DrawnBoxes | None:
     """Return the boxes of a scene by keyframe, in the global frame; None where it came without, as the test split."""
-    if not is_there(tables / "sample_annotation.json"):
+    path = tables / "sample_annotation.json"
+    if not is_there(path):
         return None
     rows = [row for row in _read(tables, "sample_annotation") if row["sample_token"] in samples]
     if not rows:
         return None
-    T_global_box = _transforms(rows, tables / "sample_annotation.json")
-    center = T_global_box[:, :3, 3]
+    T_global_box = _transforms(rows, path)
     yaw = np.arctan2(T_global_box[:, 1, 0], T_global_box[:, 0, 0])
     size = np.array([row["size"] for row in rows], np.float64)[:, [1, 0, 2]]  # theirs is width, length, height
-    _, instance = np.unique([row["instance_token"] for row in rows], return_inverse=True)
+    boxes = checked_boxes(T_global_box[:, :3, 3], size, yaw, path)
     seconds = np.array([1e-6 * samples[row["sample_token"]]["timestamp"] for row in rows])
-    return DrawnBoxes(
-        np.array([row["sample_token"] for row in rows]),
-        instance.astype(np.int64) + 1,
-        checked_boxes(center, size, yaw, tables / "sample_annotation.json"),
-        _judge(tables, rows, instance, seconds, center),
-    )
-
-
-def _judge(
-    tables: Path, rows: list[Row], instance: npt.NDArray, seconds: npt.NDArray, center: npt.NDArray
-) -> npt.NDArray[np.uint8]:
-    """Return the label of each box's instance."""
+    keyframes, instances = (np.array([row[f"{of}_token"] for row in rows]) for of in ("sample", "instance"))
+    drawn = DrawnBoxes.judged(keyframes, instances, boxes, seconds, np.eye(4))
     attributes = {row["token"]: row["name"] for row in _read(tables, "attribute")}
-    names = [[attributes[token] for token in row["attribute_tokens"]] for row in rows]
-    says_moving = np.array([any(name in _MOVING for name in found) for found in names])
-    says_anything = np.array([bool(found) for found in names])
-    n = int(instance.max()) + 1
-    moves = np.bincount(instance, says_moving, n) > 0
-    is_annotated = np.bincount(instance, says_anything, n) > 0
-    by_attribute = np.where(moves, Label.MOVING, Label.STATIC)[instance]
-    return np.where(is_annotated[instance], by_attribute, judge_boxes(instance, seconds, center)).astype(np.uint8)
+    said: dict[str, set[str]] = defaultdict(set)
+    for row in rows:
+        said[row["instance_token"]] |= {attributes[token] for token in row["attribute_tokens"]}
+    told = {one: Label.MOVING if names & _MOVING else Label.STATIC for one, names in said.items() if names}
+    labels = [told.get(one, label) for one, label in zip(instances.tolist(), drawn.label, strict=True)]
+    return replace(drawn, label=np.array(labels, np.uint8))
 
 
 FORMAT = Format(

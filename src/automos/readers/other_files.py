@@ -6,33 +6,41 @@ from pathlib import Path
 
 from automos.readers.formats import CAPTURES
 
+
+def _packed(kind: str, how: str) -> tuple[str, str]:
+    """Return what a compressed file is, and what to do with it."""
+    return f"compressed ({kind}), so its scans cannot be read one by one", f"unpack it ({how}) and give what comes out"
+
+
+def _other(kind: str, how: str) -> tuple[str, str]:
+    """Return what a file of another kind is, and what to do with it."""
+    return f"{kind}, which is not read as it is", how
+
+
 _PACKED = {
-    b"\x1f\x8b": ("gzip", "gunzip -k {}"),
-    b"\x28\xb5\x2f\xfd": ("zstd", "zstd -d {}"),
-    b"\x04\x22\x4d\x18": ("lz4", "lz4 -d {}"),
-    b"BZh": ("bzip2", "bunzip2 -k {}"),
-    b"\xfd7zXZ\0": ("xz", "unxz -k {}"),
-    b"7z\xbc\xaf\x27\x1c": ("7z", "7z x {}"),
-    b"Rar!": ("rar", "unrar x {}"),
+    b"\x1f\x8b": _packed("gzip", "gunzip -k {}"),
+    b"\x28\xb5\x2f\xfd": _packed("zstd", "zstd -d {}"),
+    b"\x04\x22\x4d\x18": _packed("lz4", "lz4 -d {}"),
+    b"BZh": _packed("bzip2", "bunzip2 -k {}"),
+    b"\xfd7zXZ\0": _packed("xz", "unxz -k {}"),
+    b"7z\xbc\xaf\x27\x1c": _packed("7z", "7z x {}"),
+    b"Rar!": _packed("rar", "unrar x {}"),
 }
+_CAPTURE = _other("a capture of packets by its content", "rename it to {}.pcap")
+_LIVOX = _other("a recording of Livox's viewer", "convert it to a ROS bag with Livox's lvx2rosbag and give that")
 _OTHERS = {
-    b"\x89MCAP0": ("an MCAP file by its content", "rename it to {}.mcap"),
-    b"#ROSBAG V2": ("a ROS bag by its content", "rename it to {}.bag"),
-    b"livox_tech": ("a recording of Livox's viewer", "convert it to a ROS bag with Livox's lvx2rosbag and give that"),
-    **dict.fromkeys(
-        (b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\xc3\xd4", b"\x4d\x3c\xb2\xa1", b"\n\r\r\n"),
-        ("a capture of packets by its content", "rename it to {}.pcap"),
-    ),
+    b"\x89MCAP0": _other("an MCAP file by its content", "rename it to {}.mcap"),
+    b"#ROSBAG V2": _other("a ROS bag by its content", "rename it to {}.bag"),
+    b"livox_tech": _LIVOX,
+    **dict.fromkeys((b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\xc3\xd4", b"\x4d\x3c\xb2\xa1", b"\n\r\r\n"), _CAPTURE),
 }
+_SCANS = "export its scans, one file each and in the scanner's frame, into a folder and give that"
 _NAMED = {
-    ".e57": (
-        "a single E57 file",
-        "export its scans, one file each and in the scanner's frame, into a folder and give that",
-    ),
-    ".lvx3": _OTHERS[b"livox_tech"],
-    ".tar": ("an archive (tar)", "unpack it (tar -xf {}) and give what comes out"),
-    ".rrf": ("a recording of Cepton's viewer", "export its frames as PCD into a folder and give that"),
-    ".tfrecord": ("a file of Waymo's version 1", "download version 2 (Parquet), which holds the same drives"),
+    ".e57": _other("a single E57 file", _SCANS),
+    ".lvx3": _LIVOX,
+    ".tar": _other("an archive (tar)", "unpack it (tar -xf {}) and give what comes out"),
+    ".rrf": _other("a recording of Cepton's viewer", "export its frames as PCD into a folder and give that"),
+    ".tfrecord": _other("a file of Waymo's version 1", "download version 2 (Parquet), which holds the same drives"),
 }
 
 
@@ -43,17 +51,10 @@ def what_to_do(path: Path) -> str | None:
         if path.is_file():
             with open(path, "rb") as file:
                 start = file.read(16)
-    packed = next((how for magic, how in _PACKED.items() if start.startswith(magic)), None)
-    if packed is not None:
-        kind, command = packed
-        return (
-            f"{path} is compressed ({kind}), so its scans cannot be read one by one; unpack it "
-            f"({command.format(path.name)}) and give what comes out"
-        )
-    is_named = path.suffix.lower() in CAPTURES
-    known = next((what for magic, what in _OTHERS.items() if start.startswith(magic) and not is_named), None)
-    known = known or _NAMED.get(path.suffix.lower())
-    return None if known is None else f"{path} is {known[0]}, which is not read as it is; {known[1].format(path.name)}"
+    suffix = path.suffix.lower()
+    by_content = _PACKED if suffix in CAPTURES else _PACKED | _OTHERS
+    known = next((told for magic, told in by_content.items() if start.startswith(magic)), _NAMED.get(suffix))
+    return None if known is None else f"{path} is {known[0]}; {known[1].format(path.name)}"
 
 
 def first_known(paths: Iterable[Path]) -> str | None:

@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 
 from automos.core.errors import InputError
-from automos.core.geometry import inverse
 from automos.core.reading import MAX_TEXT, is_there, read_json
 from automos.core.scan import Pose, Scan
-from automos.readers.columns import Columns, to_scan
-from automos.readers.formats import Format, ListedSequence, recordings_at
-from automos.readers.stamped_poses import from_quaternions
+from automos.readers.columns import Columns
+from automos.readers.formats import Format, recordings_at
+from automos.readers.listed import ListedSequence
+from automos.readers.stamped_poses import from_quaternions, sensor_poses
 
 _SPINNING = 0
 """What the column `d` says of points of the LiDAR that turns; others are of one in front."""
@@ -103,13 +103,11 @@ class PandasetSequence(ListedSequence):
             raise InputError(f"{folder} holds damaged poses or times ({error!r}); download them again") from None
         if not len(files) == len(stamps) == len(poses):
             raise InputError(f"{folder} holds {len(files)} scans, {len(stamps)} times and {len(poses)} poses")
-        super().__init__(source, files, [file.name.split(".")[0] for file in files], stamps)
-        self._taken = stamps
+        super().__init__(source, files, stamps)
         self._T_map_sensor: Pose = from_quaternions(places, turns, folder / "poses.json")
 
     def __getitem__(self, index: int) -> Scan:
-        index = self._scan_number(index)
-        path = self._files[index]
+        path = self.paths[index := self._scan_number(index)]
         try:
             with gzip.open(path) as packed:
                 table = _columns(packed.read(MAX_TEXT))
@@ -117,13 +115,12 @@ class PandasetSequence(ListedSequence):
             columns = {name: table[name][is_own] for name in ("x", "y", "z", "i", "t")}
         except Exception as error:  # what is no table breaks in many ways
             raise InputError(f"{path} is no table of points of PandaSet ({error}); download it again") from None
-        stamp, T_map_sensor = float(self._taken[index]), self._T_map_sensor[index]
-        return to_scan(columns, path, self._names[index], stamp, 1.0, 1.0, T_map_sensor)
+        return self._to_scan(index, columns, 1.0, 1.0, self._T_map_sensor[index])
 
     @property
     def reference_poses(self) -> Pose:
         """(len, 4, 4) T_world_sensor."""
-        return inverse(self._T_map_sensor[0]) @ self._T_map_sensor
+        return sensor_poses(self._T_map_sensor)
 
 
 FORMAT = Format(

@@ -25,8 +25,8 @@ def read_columns(path: Path, columns: Sequence[str]) -> dict[str, npt.NDArray]:
     InputError
         The table is absent, damaged, or has no such column.
     """
-    with _reported(path, columns) as parquet:
-        table = parquet.read_table(path, columns=list(columns))
+    with _reported(path, columns):
+        table = import_extra("pyarrow.parquet", "arrow").read_table(path, columns=list(columns))
         return {name: table[name].to_numpy() for name in columns}
 
 
@@ -36,8 +36,8 @@ class RowReader:
     def __init__(self, path: Path, columns: Sequence[str]):
         """Open the table at `path` to read `columns` of it; errors are those of `read_columns`."""
         self._path, self._columns = path, list(columns)
-        with _reported(path, columns) as parquet:
-            self._file = parquet.ParquetFile(path)
+        with _reported(path, columns):
+            self._file = import_extra("pyarrow.parquet", "arrow").ParquetFile(path)
             groups = [self._file.metadata.row_group(k).num_rows for k in range(self._file.num_row_groups)]
         self._starts = np.concatenate([[0], np.cumsum(groups)])
         self._batches: Iterator[Any] = iter(())
@@ -61,18 +61,25 @@ class RowReader:
 
 
 @contextmanager
-def _reported(path: Path, columns: Sequence[str]) -> Iterator[Any]:
-    """Give the library; turn what it stumbles over into one sentence."""
-    parquet, arrow = import_extra("pyarrow.parquet", "arrow"), import_extra("pyarrow", "arrow")
+def _reported(path: Path, columns: Sequence[str]) -> Iterator[None]:
+    with arrow_reported(path, "the recording needs it: download it too", "of another layout"):
+        try:
+            yield
+        except KeyError as error:
+            raise InputError(f"{path} has no column {error}; it must have: {', '.join(columns)}") from None
+
+
+@contextmanager
+def arrow_reported(path: Path, if_missing: str, or_else: str) -> Iterator[None]:
+    """Turn what pyarrow stumbles over, within its time, into one sentence; `or_else` is what a damaged file may be."""
+    arrow = import_extra("pyarrow", "arrow")
     try:
         require_regular(path)
         with limited(path):
-            yield parquet
+            yield
     except AutomosError:
         raise
     except FileNotFoundError:
-        raise InputError(f"{path} is missing; the recording needs it: download it too") from None
-    except KeyError as error:
-        raise InputError(f"{path} has no column {error}; it must have: {', '.join(columns)}") from None
-    except (OSError, arrow.ArrowException, StopIteration, AttributeError) as error:
-        raise InputError(f"{path} is damaged or of another layout ({error}); download it again") from None
+        raise InputError(f"{path} is missing; {if_missing}") from None
+    except (OSError, UnicodeError, arrow.ArrowException, StopIteration, AttributeError) as error:
+        raise InputError(f"{path} is damaged or {or_else} ({error}); download it again") from None

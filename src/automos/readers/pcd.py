@@ -1,7 +1,7 @@
 """Point Cloud Library files: a text header, then ascii, binary or binary_compressed points of any fields."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -42,6 +42,11 @@ class Header:
     encoding: str
     start: int
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the fields."""
+        return self.dtype.names or ()
+
 
 def read(path: Path) -> Columns:
     """Return the columns of one file; those of several values, other than places, and padding are left out."""
@@ -53,7 +58,7 @@ def read(path: Path) -> Columns:
     if header.encoding == "binary":
         _require_bytes(len(body), header.n_points * header.dtype.itemsize, path)
         points = np.frombuffer(body, header.dtype, header.n_points)
-        columns = _columns(header, points.__getitem__)
+        columns = _columns({name: points[name] for name in header.names})
         require_in_place(columns, body, len(body) - points.nbytes, path)
         return columns
     return _from_compressed(body, header, path)
@@ -75,11 +80,8 @@ def read_headers(paths: Sequence[Path]) -> tuple[Pose | None, list[str]]:
 
     headers = [read_header(path) for path in paths]
     surplus = [(path.name, n) for path, header in zip(paths, headers, strict=True) if (n := _surplus(path, header)) > 0]
-    said = []
-    if surplus:
-        first, n = surplus[0]
-        files = f"{len(surplus)} files hold bytes behind their points"
-        said = [f"{files}, which are not read (first: {first}, {n} bytes)."]
+    behind = f"{len(surplus)} files hold bytes behind their points, which are not read"
+    said = [f"{behind} (first: {name}, {n} bytes)." for name, n in surplus[:1]]
     T = np.stack([header.viewpoint for header in headers])
     first_to_last = np.roll(Rotation.from_matrix(T[:, :3, :3]).as_quat(), 1, axis=1)
     R, up = Rotation.from_quat(first_to_last).as_matrix(), T[:, 2, 2].min()
@@ -149,20 +151,20 @@ def _viewpoint(words: list[str] | None) -> Pose:
     """Return (4, 4) from x y z qw qx qy qz; the identity where absent or all zero."""
     from scipy.spatial.transform import Rotation
 
-    if len(words := words or ["0", "0", "0", "1", "0", "0", "0"]) != 7:
-        raise ValueError(f"VIEWPOINT has {len(words)} numbers, not 7")
-    x, y, z, qw, qx, qy, qz = map(float, words)
-    if not np.isfinite([x, y, z, qw, qx, qy, qz]).all():
+    numbers = np.array(words or ["0", "0", "0", "1", "0", "0", "0"], np.float64)
+    if len(numbers) != 7:
+        raise ValueError(f"VIEWPOINT has {len(numbers)} numbers, not 7")
+    if not np.isfinite(numbers).all():
         return np.eye(4)
-    quaternion = [qx, qy, qz, qw] if any((qw, qx, qy, qz)) else [0.0, 0.0, 0.0, 1.0]
-    return make_transform(Rotation.from_quat(quaternion).as_matrix(), [x, y, z])
+    wxyz = numbers[3:] if numbers[3:].any() else [1.0, 0.0, 0.0, 0.0]
+    return make_transform(Rotation.from_quat(np.roll(wxyz, -1)).as_matrix(), numbers[:3])
 
 
 # ------------------------------------------------------------------------------------------------------- points
-def _columns(header: Header, values_of: Callable[[str], npt.NDArray]) -> Columns:
+def _columns(fields: dict[str, npt.NDArray]) -> Columns:
     columns: Columns = {}
-    for name in header.dtype.names or ():
-        columns |= {} if name.startswith("_") else columns_of_field(name, values_of(name))
+    for name, values in fields.items():
+        columns |= {} if name.startswith("_") else columns_of_field(name, values)
     return columns
 
 
@@ -174,11 +176,11 @@ def _require_bytes(got: int, promised: int, path: Path) -> None:
 
 
 def _from_text(body: bytes, header: Header, path: Path) -> Columns:
-    widths = [int(np.prod(header.dtype[name].shape, dtype=int)) for name in header.dtype.names or ()]
+    widths = [int(np.prod(header.dtype[name].shape, dtype=int)) for name in header.names]
     body = re.sub(rb"(?m)^\s*#.*", b"", body) if b"#" in body else body
     matrix = parse_points(path, body.rstrip(b"\0").replace(b",", b" "), sum(widths), 0, header.n_points, is_last=True)
-    parts = dict(zip(header.dtype.names or (), np.split(matrix, np.cumsum(widths)[:-1], axis=1), strict=True))
-    return _columns(header, lambda name: parts[name] if parts[name].shape[1] > 1 else parts[name][:, 0])
+    parts = zip(header.names, np.split(matrix, np.cumsum(widths)[:-1], axis=1), strict=True)
+    return _columns({name: part if part.shape[1] > 1 else part[:, 0] for name, part in parts})
 
 
 def _from_compressed(body: bytes, header: Header, path: Path) -> Columns:
@@ -195,9 +197,9 @@ def _from_compressed(body: bytes, header: Header, path: Path) -> Columns:
         unpacked = decompress(np.frombuffer(body, np.uint8, n_packed, offset=8), n_unpacked)
     except ValueError as error:
         raise InputError(f"{path} cannot be unpacked: {error}; copy it again") from None
-    sizes = [header.dtype[name].itemsize * header.n_points for name in header.dtype.names or ()]
-    parts = dict(zip(header.dtype.names or (), np.split(unpacked, np.cumsum(sizes)[:-1]), strict=True))
-    dtype = header.dtype
-    columns = _columns(header, lambda name: parts[name].view(dtype[name].base).reshape(-1, *dtype[name].shape))
+    kinds = {name: header.dtype[name] for name in header.names}
+    parts = np.split(unpacked, np.cumsum([kind.itemsize * header.n_points for kind in kinds.values()])[:-1])
+    fields = zip(kinds.items(), parts, strict=True)
+    columns = _columns({name: part.view(kind.base).reshape(-1, *kind.shape) for (name, kind), part in fields})
     require_in_place(columns, body, len(body) - 8 - n_packed, path)
     return columns

@@ -17,12 +17,8 @@ from automos.readers.records import parse_points
 _TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
     "float": "f4", "double": "f8",
-    "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4",
-    "float32": "f4", "float64": "f8",
 }  # fmt: skip
-_COUNTERS = {"char": 1, "uchar": 1, "int8": 1, "uint8": 1, "short": 2, "ushort": 2, "int16": 2, "uint16": 2,
-             "int": 4, "uint": 4, "int32": 4, "uint32": 4}  # fmt: skip
-"""Bytes of what counts a list's entries."""
+_TYPES |= {np.dtype(kind).name: kind for kind in _TYPES.values()}  # int8, float32
 _ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": "="}
 
 
@@ -30,12 +26,12 @@ _ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": "="}
 class _Element:
     name: str
     count: int
-    fields: list[tuple[str, str]] = field(default_factory=list)
+    fields: dict[str, str] = field(default_factory=dict)
     counters: dict[str, int] = field(default_factory=dict)
     """Of the fields that are lists, the bytes of what counts their entries."""
 
-    def has(self, name: str) -> bool:
-        return any(name == known for known, _ in self.fields)
+    def dtype(self, order: str) -> np.dtype:
+        return np.dtype([(name, order + kind) for name, kind in self.fields.items()])
 
 
 def read(path: Path) -> Columns:
@@ -46,7 +42,7 @@ def read(path: Path) -> Columns:
     if encoding == "ascii":
         return _from_text(raw[start:], before, vertex, after, path)
     order = _ORDERS[encoding]
-    dtype = _dtype(vertex, order)
+    dtype = vertex.dtype(order)
     for element in before:
         start = _behind(element, order, raw, start)
     promised = vertex.count * dtype.itemsize
@@ -64,7 +60,7 @@ def read(path: Path) -> Columns:
             f"{path} holds {len(raw) - end} bytes more than its header promises; bytes came in before the last points, "
             "or it was copied as text: copy it again"
         )
-    return {name: points[name] for name, _ in vertex.fields}
+    return {name: points[name] for name in vertex.fields}
 
 
 def _parse_header(raw: bytes, path: Path) -> tuple[str, list[_Element], int]:
@@ -92,10 +88,10 @@ def _parse_header(raw: bytes, path: Path) -> tuple[str, list[_Element], int]:
                     elements.append(_Element(name, int(count)))
                     if int(count) < 0:
                         raise ValueError("fewer elements than none")
-                case ["property", kind, name] | ["property", "list", _, kind, name] if not elements[-1].has(name):
-                    elements[-1].fields.append((name, _TYPES[kind]))
+                case ["property", kind, name] | ["property", "list", _, kind, name] if name not in elements[-1].fields:
+                    elements[-1].fields[name] = _TYPES[kind]
                     if words[1] == "list":
-                        elements[-1].counters[name] = _COUNTERS[words[2]]
+                        elements[-1].counters[name] = int(_TYPES[words[2]].lstrip("iu"))  # no other counts
                     if len(elements[-1].fields) > MAX_FIELDS:
                         raise ValueError("more properties than any point has")
                 case ["ply" | "comment" | "obj_info", *_] | []:
@@ -119,15 +115,11 @@ def _around_vertex(elements: list[_Element], path: Path) -> tuple[list[_Element]
     return elements[:at], elements[at], elements[at + 1 :]
 
 
-def _dtype(element: _Element, order: str) -> np.dtype:
-    return np.dtype([(name, order + kind) for name, kind in element.fields])
-
-
 def _behind(element: _Element, order: str, raw: bytes, at: int) -> int:
     """Return the byte of `raw` behind an element that begins at byte `at`; one beyond its end where that is cut."""
     if not element.counters:
-        return at + element.count * _dtype(element, order).itemsize
-    fields = [(np.dtype(kind).itemsize, element.counters.get(name, 0)) for name, kind in element.fields]
+        return at + element.count * element.dtype(order).itemsize
+    fields = [(np.dtype(kind).itemsize, element.counters.get(name, 0)) for name, kind in element.fields.items()]
     for _ in range(element.count):
         for width, counter in fields:
             length = int.from_bytes(raw[at : at + counter], "big" if order == ">" else "little") if counter else 1
@@ -145,4 +137,4 @@ def _from_text(body: bytes, before: list[_Element], vertex: _Element, after: lis
     n_lines = sum(map(bool, map(bytes.strip, body.split(b"\n")))) if after else promised
     if n_lines != promised:
         raise InputError(f"{path} holds {n_lines} lines, its header promises {promised}; it is damaged: copy it again")
-    return {name: matrix[:, i] for i, (name, _) in enumerate(vertex.fields)}
+    return {name: matrix[:, i] for i, name in enumerate(vertex.fields)}

@@ -43,12 +43,8 @@ def _place(distance, pixel_pose, elevation, azimuth, T_vehicle_laser, T_target_w
             r = distance[i, j]
             if r <= 0.0:
                 continue
-            x, y, z = (
-                r * np.cos(elevation[i]) * np.cos(azimuth[j]),
-                r * np.cos(elevation[i]) * np.sin(azimuth[j]),
-                r * np.sin(elevation[i]),
-            )
-            x, y, z = _apply(T_vehicle_laser, x, y, z)
+            level, up = r * np.cos(elevation[i]), r * np.sin(elevation[i])
+            x, y, z = _apply(T_vehicle_laser, level * np.cos(azimuth[j]), level * np.sin(azimuth[j]), up)
             roll, pitch, yaw = pixel_pose[i, j, 0], pixel_pose[i, j, 1], pixel_pose[i, j, 2]
             y, z = np.cos(roll) * y - np.sin(roll) * z, np.sin(roll) * y + np.cos(roll) * z
             x, z = np.cos(pitch) * x + np.sin(pitch) * z, np.cos(pitch) * z - np.sin(pitch) * x

@@ -126,7 +126,7 @@ def _is_of(points: npt.NDArray) -> bool:
     """Return whether (N,) `points` can be of a driver: floats are lengths, rings and times are what they are called."""
     names = points.dtype.names or ()
     xyz = np.stack([points[axis] for axis in "xyz"], axis=1).astype(np.float64)
-    is_like = dict.fromkeys(("time", "timestamp", "t"), _is_time) | {"ring": _is_ring, "line": _is_line}
+    is_like = {"time": _is_time, "timestamp": _is_time, "t": _is_time, "ring": _is_ring, "line": _is_line}
     are_floats = all(are_lengths(points[name]) for name in names if points.dtype[name].str == "<f4")
     return are_floats and all(is_like[name](points[name], xyz) for name in names if name in is_like)
 
@@ -145,15 +145,16 @@ def _rest_of(
     is_packed = size % 4 > 0  # fields of structs without padding begin anywhere
     tried = [(own, "f"), (8, "f"), (8, "u"), (4, "f"), (4, "u"), (2, "u")] + [(1, "u")] * is_packed
     while at < size:
+        known = {name for name, _ in found} | {*taken}
         best = nothing = ("_", "V1" if is_packed else "V2")
-        for width in (2, 1) if is_packed and "ring" not in {name for name, _ in found} | {*taken} else ():
-            if best == nothing and at + width <= size and _is_ring(_field(rows, at, f"{order}u{width}"), xyz):
-                best = ("ring", f"{order}u{width}")
+        if is_packed and "ring" not in known:
+            forms = [f"{order}u{width}" for width in (2, 1) if at + width <= size]
+            best = next((("ring", form) for form in forms if _is_ring(_field(rows, at, form), xyz)), nothing)
         for width, letter in tried:
             is_aligned = is_packed or at % min(width, 4) == 0
             if is_aligned and at + width <= size and best[0] == "_":
                 form = f"{order}{letter}{width}"
-                name = _name_of(_field(rows, at, form), form, xyz, {name for name, _ in found} | {*taken})
+                name = _name_of(_field(rows, at, form), form, xyz, known)
                 if name is not None and (width <= own or name == "time") and (name != "_" or best == nothing):
                     best = (name, form)
         is_byte = best in (nothing, ("_", f"{order}u1"))

@@ -79,7 +79,8 @@ def find_columns(paths: Sequence[Path]) -> str:
     """
     sizes = np.array([path.stat().st_size for path in paths])
     largest = [path for path, size in zip(paths, sizes, strict=True) if size > 0.5 * sizes.max()]
-    pool = [_beginning(path) for path in evenly_spread(largest, _FILES)]
+    looked_at = evenly_spread(largest, _FILES)
+    pool = [np.fromfile(path, np.uint8, _READ) for path in looked_at]
     divided = [size for size in _SIZES if 2 * np.count_nonzero(sizes % size == 0) > len(sizes)]
     fitting = [size for size in divided if has_numbers(_rows(pool, size))]
     some = _rows(pool, _SIZES[0])
@@ -101,7 +102,7 @@ def find_columns(paths: Sequence[Path]) -> str:
         found = [LAYOUTS["bin"]]
     if len(found) != 1:
         raise InputError(_unknown(paths, sizes, found))
-    require_points(evenly_spread(largest, _FILES), found[0], _ROWS)
+    require_points(looked_at, found[0], _ROWS)
     return _required(found[0], sizes, paths)
 
 
@@ -162,16 +163,11 @@ def _unknown(paths: Sequence[Path], sizes: npt.NDArray[np.int64], candidates: Co
     )
 
 
-def _beginning(path: Path) -> bytes:
-    with path.open("rb") as file:
-        return file.read(_READ)
-
-
-def _rows(pool: list[bytes], size: int) -> Rows:
+def _rows(pool: list[npt.NDArray[np.uint8]], size: int) -> Rows:
     """Return (N, size) some of the records, in runs: every so many would be every second of a smaller size."""
     parts: list[Rows] = []
     for raw in pool:
-        records = np.frombuffer(raw, np.uint8, len(raw) // size * size).reshape(-1, size)
+        records = raw[: len(raw) // size * size].reshape(-1, size)
         most = max(_ROWS // len(pool), 1)
         starts = np.linspace(0, max(len(records) - most // 4, 0), 4).astype(int)
         parts += [records] if len(records) <= most else [records[at : at + most // 4] for at in starts]

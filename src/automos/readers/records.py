@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
-from automos.core.reading import read_bytes, read_text
+from automos.core.reading import damage_reported, read_bytes, read_text
 from automos.readers.columns import Columns
 
 SHARE = 0.99
@@ -29,10 +29,8 @@ def read_records(path: Path, dtype: np.dtype) -> Columns:
     InputError
         A file that is absent or no whole number of records.
     """
-    try:
+    with damage_reported(path):
         raw = read_bytes(path)
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from None
     if len(raw) % dtype.itemsize:
         raise InputError(
             f"{path} has {len(raw)} bytes, no multiple of a point ({dtype.itemsize} bytes); it is cut short or of "
@@ -72,10 +70,11 @@ def require_in_place(columns: Columns, body: bytes, n_surplus: int, path: Path) 
     InputError
         The last points are none, or each line feed has got a carriage return.
     """
-    n_returns = body.count(b"\r\n") if n_surplus else 0
-    is_text = 0 < n_returns == n_surplus == body.count(b"\n")
+    if not n_surplus:
+        return
+    is_text = body.count(b"\r\n") == n_surplus == body.count(b"\n")
     ends = [columns[axis][-_LAST:] for axis in "xyz" if axis in columns and columns[axis].dtype.kind == "f"]
-    if n_surplus and (is_text or not all(are_lengths(end) for end in ends if len(end))):
+    if is_text or not all(are_lengths(end) for end in ends if len(end)):
         raise InputError(
             f"{path} holds {n_surplus} bytes more than the points its header promises, and they came in between "
             "points, as where it was copied as text: copy it again"

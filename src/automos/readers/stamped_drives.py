@@ -20,11 +20,12 @@ from automos.core.geometry import Array, make_transform
 from automos.core.reading import is_there
 from automos.core.scan import Pose, Scan
 from automos.readers.codecs import parse_columns
-from automos.readers.columns import Columns, to_scan
+from automos.readers.columns import Columns
 from automos.readers.folder import FolderSequence
-from automos.readers.formats import Format, ListedSequence, recordings_at, stamped_files
+from automos.readers.formats import Format, recordings_at
+from automos.readers.listed import ListedSequence, stamped_files
 from automos.readers.records import read_records, read_table
-from automos.readers.stamped_poses import from_quaternions, poses_at, rigid_transforms, sensor_poses
+from automos.readers.stamped_poses import from_quaternions, from_rotations, from_rows, poses_at, sensor_poses
 
 _AEVA = "x,y,z,_,_,t:i4,line:u1"
 _SENSORS = {
@@ -37,8 +38,6 @@ _LAST_WITHOUT_INTENSITY = 1691936557946849179
 """Nanoseconds: up to this scan the Aeva was recorded without intensity."""
 _BEAMS, _COLUMNS, _PERIOD = 64, 1024, 0.1
 
-Stamps = Array
-
 
 @dataclass(frozen=True)
 class Drive:
@@ -49,14 +48,20 @@ class Drive:
     scans, poses : the folder of the scans in a recording, and the file of poses.
     tick : seconds that the files' names count.
     read : returns the columns of the file of a scan.
-    place : returns (N, 4, 4) T_world_sensor at the scans' stamps (N,) from the file of poses.
+    place : returns (N, 4, 4) T_map_body from what the file of poses has, (N, `width`), behind their times.
+    width, divider, has_names : of the file of poses: numbers a line, what divides them, whether the first line is none.
+    mount : returns (4, 4) T_body_sensor; none: the poses are the sensor's.
     """
 
     scans: str
     poses: str
     tick: float
     read: Callable[[Path], Columns]
-    place: Callable[[Path, Stamps], Pose]
+    place: Callable[[Array, Path], Pose]
+    width: int = 12
+    divider: str | None = ","
+    has_names: bool = False
+    mount: Callable[[], Pose] | None = None
 
     def is_recording(self, path: Path) -> bool:
         """Return whether `path` is one."""
@@ -69,26 +74,26 @@ class DriveSequence(ListedSequence):
     def __init__(self, source: Path, drive: Drive, name: str | None = None):
         """List the scans of the recording in folder `source`."""
         files, stamps = stamped_files(source / drive.scans, ".bin", drive.tick)
-        super().__init__(source, files, stamps=stamps, name=name)
+        super().__init__(source, files, stamps, name)
         self._drive = drive
 
     def __getitem__(self, index: int) -> Scan:
-        index = self._scan_number(index)
-        assert self.stamps is not None
-        columns = self._drive.read(self._files[index])
-        unit = 1e-9 if "t" in columns else 1.0
-        return to_scan(columns, self._files[index], self._names[index], float(self.stamps[index]), unit)
+        columns = self._drive.read(self.paths[index := self._scan_number(index)])
+        return self._to_scan(index, columns, 1e-9 if "t" in columns else 1.0)
 
     @cached_property
     def reference_poses(self) -> Pose | None:
         """(len, 4, 4) T_world_sensor from the data set's own poses; None without them."""
-        path = self.source / self._drive.poses
-        assert self.stamps is not None
-        return self._drive.place(path, self.stamps) if is_there(path) else None
+        drive, path = self._drive, self.source / self._drive.poses
+        if not is_there(path):
+            return None
+        table = read_table(path, 1 + drive.width, "poses", drive.divider, drive.has_names)
+        T = poses_at(self._stamps, drive.tick * table[:, 0], drive.place(table[:, 1:], path), path)
+        return sensor_poses(T, None if drive.mount is None else drive.mount())
 
 
-def _records(columns: str) -> Callable[[Path], Columns]:
-    return lambda path: read_records(path, parse_columns(columns))
+def _boreas_columns(path: Path) -> Columns:
+    return read_records(path, parse_columns("x,y,z,intensity,ring,time"))
 
 
 def _mulran_columns(path: Path) -> Columns:
@@ -99,25 +104,18 @@ def _mulran_columns(path: Path) -> Columns:
     return columns
 
 
-def _mulran_poses(path: Path, stamps: Stamps) -> Pose:
+def _mulran_mount() -> Pose:
     from scipy.spatial.transform import Rotation
 
-    table = read_table(path, 13, "poses", ",")
-    T_map_base = np.tile(np.eye(4), (len(table), 1, 1))
-    T_map_base[:, :3] = table[:, 1:].reshape(-1, 3, 4)
     turn = Rotation.from_euler("xyz", [0.0001, 0.0003, 179.6654], degrees=True).as_matrix()
-    T_base_sensor = make_transform(turn, [1.7042, -0.021, 1.8047])  # published with the data set
-    return sensor_poses(poses_at(stamps, 1e-9 * table[:, 0], rigid_transforms(T_map_base, path), path), T_base_sensor)
+    return make_transform(turn, [1.7042, -0.021, 1.8047])  # published with the data set
 
 
-def _boreas_poses(path: Path, stamps: Stamps) -> Pose:
+def _boreas_poses(rows: Array, path: Path) -> Pose:
     from scipy.spatial.transform import Rotation
 
-    table = read_table(path, 13, "poses", ",", has_names=True)
-    T = np.tile(np.eye(4), (len(table), 1, 1))
-    T[:, :3, :3] = Rotation.from_euler("xyz", table[:, 7:10]).as_matrix().transpose(0, 2, 1)  # as its own tools turn
-    T[:, :3, 3] = table[:, 1:4]
-    return sensor_poses(poses_at(stamps, 1e-6 * table[:, 0], rigid_transforms(T, path), path))
+    R = Rotation.from_euler("xyz", rows[:, 6:9]).as_matrix().transpose(0, 2, 1)  # as its own tools turn
+    return from_rotations(R, rows[:, :3], path)
 
 
 def _helipr_columns(sensor: str, path: Path) -> Columns:
@@ -125,13 +123,12 @@ def _helipr_columns(sensor: str, path: Path) -> Columns:
     return read_records(path, parse_columns(_AEVA if is_short else _SENSORS[sensor]))
 
 
-def _helipr_poses(path: Path, stamps: Stamps) -> Pose:
-    table = read_table(path, 8, "poses")
-    return sensor_poses(poses_at(stamps, 1e-9 * table[:, 0], from_quaternions(table[:, 1:4], table[:, 4:], path), path))
+def _quaternions(rows: Array, path: Path) -> Pose:
+    return from_quaternions(rows[:, :3], rows[:, 3:], path)
 
 
-MULRAN = Drive("Ouster", "global_pose.csv", 1e-9, _mulran_columns, _mulran_poses)
-BOREAS = Drive("lidar", "applanix/lidar_poses.csv", 1e-6, _records("x,y,z,intensity,ring,time"), _boreas_poses)
+MULRAN = Drive("Ouster", "global_pose.csv", 1e-9, _mulran_columns, from_rows, mount=_mulran_mount)
+BOREAS = Drive("lidar", "applanix/lidar_poses.csv", 1e-6, _boreas_columns, _boreas_poses, has_names=True)
 
 
 def _find_helipr(path: Path) -> list[Path]:
@@ -143,7 +140,8 @@ def _find_helipr(path: Path) -> list[Path]:
 
 def _open_helipr(source: Path) -> DriveSequence:
     sensor, place = source.resolve().name, source.resolve()
-    drive = Drive(".", f"../../LiDAR_GT/{sensor}_gt.txt", 1e-9, partial(_helipr_columns, sensor), _helipr_poses)
+    poses, read = f"../../LiDAR_GT/{sensor}_gt.txt", partial(_helipr_columns, sensor)
+    drive = Drive(".", poses, 1e-9, read, _quaternions, width=7, divider=None)
     return DriveSequence(source, drive, f"{place.parent.parent.name}_{sensor}")
 
 
@@ -152,10 +150,6 @@ def _format(layout: str, drive: Drive) -> Format:
 
 
 _SCANS, _POSES = "pcds", Path("poses") / "gt_poses.txt"
-
-
-def _is_apollo(path: Path) -> bool:
-    return (path / _SCANS).is_dir() and is_there(path / _POSES)
 
 
 class ApolloSequence(FolderSequence):
@@ -181,15 +175,15 @@ class ApolloSequence(FolderSequence):
             A scan without a pose, or with one of another time than that of its points.
         """
         rows = self._rows()
-        if self._stamps is not None:
-            off = np.abs(rows[:, 1] - self._stamps)
-            if (off > 1.0).any():
-                first = int(np.argmax(off > 1.0))
-                raise InputError(
-                    f"{self.source / _POSES} has the pose of {self._names[first]}.pcd at {rows[first, 1]:.3f} s, but "
-                    f"its points are of {self._stamps[first]:.3f} s; it belongs to another run"
-                )
-        return sensor_poses(from_quaternions(rows[:, 2:5], rows[:, 5:], self.source / _POSES))
+        stamps = rows[:, 1] if self._stamps is None else self._stamps
+        is_off = np.abs(rows[:, 1] - stamps) > 1.0
+        if is_off.any():
+            first = int(np.argmax(is_off))
+            raise InputError(
+                f"{self.source / _POSES} has the pose of {self._names[first]}.pcd at {rows[first, 1]:.3f} s, but its "
+                f"points are of {stamps[first]:.3f} s; it belongs to another run"
+            )
+        return sensor_poses(_quaternions(rows[:, 2:], self.source / _POSES))
 
     def _rows(self) -> npt.NDArray[np.float64]:
         """Return (len, 9) of each scan: number, seconds, x, y, z, qx, qy, qz, qw."""
@@ -211,7 +205,7 @@ FORMATS = {
     "boreas": _format("Boreas: lidar/*.bin, applanix/lidar_poses.csv", BOREAS),
     "apollo": Format(
         layout="Apollo SouthBay: pcds/*.pcd, poses/gt_poses.txt",
-        find=partial(recordings_at, is_recording=_is_apollo),
+        find=partial(recordings_at, is_recording=lambda path: (path / _SCANS).is_dir() and is_there(path / _POSES)),
         open=ApolloSequence,
     ),
 }

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
-from automos.core.geometry import FARTHEST, inverse, is_rigid, with_exact_rotations
+from automos.core.geometry import FARTHEST, Array, inverse, is_rigid, make_transform, with_exact_rotations
 from automos.core.pose_files import MAX_SKEW, interpolate_poses, nearest_gap
 from automos.core.reading import is_there, parse_yaml, read_text
 from automos.core.scan import Pose, Scan
@@ -43,10 +43,24 @@ def from_quaternions(translation: npt.ArrayLike, xyzw: npt.ArrayLike, path: Path
     xyzw = np.atleast_2d(np.asarray(xyzw, np.float64))
     if not ((np.abs(np.linalg.norm(xyzw, axis=1) - 1.0) <= MAX_SKEW).all() and (np.abs(translation) < FARTHEST).all()):
         raise InputError(_NO_POSE.format(path))
-    T = np.tile(np.eye(4), (len(translation), 1, 1))
-    T[:, :3, :3] = Rotation.from_quat(xyzw).as_matrix()
-    T[:, :3, 3] = translation
+    return _joined(Rotation.from_quat(xyzw).as_matrix(), translation)
+
+
+def _joined(R: Array, translation: Array) -> Pose:
+    T = np.tile(np.eye(4), (len(R), 1, 1))
+    T[:, :3, :3], T[:, :3, 3] = R, translation
     return T
+
+
+def from_rotations(R: Array, translation: Array, path: Path) -> Pose:
+    """Return the (N, 4, 4) transforms of (N, 3, 3) and (N, 3); errors are those of `rigid_transforms`."""
+    return rigid_transforms(_joined(R, translation), path)
+
+
+def from_rows(rows: Array, path: Path) -> Pose:
+    """Return the (N, 4, 4) transforms of their first three rows, (N, 12); errors are those of `rigid_transforms`."""
+    three = rows.reshape(-1, 3, 4)
+    return from_rotations(three[..., :3], three[..., 3], path)
 
 
 def rigid_transforms(T: npt.ArrayLike, path: Path) -> Pose:
@@ -60,14 +74,10 @@ def rigid_transforms(T: npt.ArrayLike, path: Path) -> Pose:
     T = np.array(T, np.float64)
     if not ((np.abs(T) < FARTHEST).all() and is_rigid(T, MAX_SKEW).all()):
         raise InputError(_NO_POSE.format(path))
-    U, _, Vt = np.linalg.svd(T[:, :3, :3])
-    T[:, :3, :3] = U @ Vt
-    return T
+    return with_exact_rotations(T)
 
 
-def poses_at(
-    stamps: npt.NDArray[np.float64], pose_stamps: npt.NDArray[np.float64], T_map_body: Pose, path: Path
-) -> Pose:
+def poses_at(stamps: Array, pose_stamps: Array, T_map_body: Pose, path: Path) -> Pose:
     """Return (N, 4, 4) `T_map_body` at scan times `stamps` (N,), interpolated between `pose_stamps` (M,) seconds.
 
     Raises
@@ -82,35 +92,27 @@ def poses_at(
     order = order[np.r_[True, np.diff(pose_stamps[order]) > 0]]
     times, T = pose_stamps[order], T_map_body[order]
     slack = 0.5 * float(np.median(np.diff(stamps))) if len(stamps) > 1 else 0.05
-    is_outside = (stamps < times[0] - slack) | (stamps > times[-1] + slack)
-    if is_outside.any():
-        scan = int(np.argmax(is_outside))
-        raise InputError(
-            f"{path} has no pose for scan {scan} (time {stamps[scan]:.6f}): its poses are from {times[0]:.6f} to "
-            f"{times[-1]:.6f}; it belongs to another recording or is not whole"
-        )
     apart = nearest_gap(stamps, times)
-    if (apart > _HOLE).any():
-        scan = int(np.argmax(apart > _HOLE))
-        raise InputError(
-            f"{path} has no pose for scan {scan} (time {stamps[scan]:.6f}): the nearest is {apart[scan]:.2f} s away; "
-            "it is not whole: copy it again"
-        )
+    is_outside = (stamps < times[0] - slack) | (stamps > times[-1] + slack)
+    has_none = is_outside if is_outside.any() else apart > _HOLE
+    if has_none.any():
+        scan = int(np.argmax(has_none))
+        reach = f"its poses are from {times[0]:.6f} to {times[-1]:.6f}; it belongs to another recording or is not whole"
+        hole = f"the nearest is {apart[scan]:.2f} s away; it is not whole: copy it again"
+        why = reach if is_outside.any() else hole
+        raise InputError(f"{path} has no pose for scan {scan} (time {stamps[scan]:.6f}): {why}")
     return interpolate_poses(times, T, stamps)
 
 
 def truth_beside(folder: Path, name: str) -> Path | None:
     """Return the file of poses that VBR publishes with the recording `name` in `folder`: campus_train0_gt.txt."""
-    return next(
-        (path for path in sorted(folder.glob("*_gt.txt")) if name.startswith(path.name[: -len("_gt.txt")])), None
-    )
+    found = sorted(folder.glob("*_gt.txt"))
+    return next((path for path in found if name.startswith(path.name.removesuffix("_gt.txt"))), None)
 
 
 def sensor_poses(T_map_body: Pose, T_body_sensor: npt.ArrayLike | None = None) -> Pose:
     """Return (N, 4, 4) T_world_sensor, the world being the first scan's sensor frame, from a body's poses in a map."""
-    T = np.asarray(T_map_body, np.float64)
-    if T_body_sensor is not None:
-        T = T @ np.asarray(T_body_sensor, np.float64)
+    T = T_map_body if T_body_sensor is None else T_map_body @ np.asarray(T_body_sensor, np.float64)
     return inverse(T[0]) @ T
 
 
@@ -150,7 +152,7 @@ class Mounts:
         elif sensor is None:
             what = "rings" if self.rings is not None else "column 'sensor', and its mounts no rings"
             raise InputError(f"{where} has no {what}: nothing says which of {', '.join(self.names)} measured a point")
-        stray = (sensor < 0) | (sensor >= len(self.names))
+        stray = sensor >= len(self.names)
         if stray.any():
             row = int(np.argmax(stray))
             raise InputError(f"{where}: point {row} is of none of the mounted LiDARs {', '.join(self.names)}")
@@ -199,9 +201,7 @@ def read_mounts(folder: Path) -> Mounts | None:
     names = [str(entry.get("name", k)) for k, entry in enumerate(entries)]
     T = np.stack([_transform_of(entry, name, path) for entry, name in zip(entries, names, strict=True)])
     rings = [entry.get("rings") for entry in entries]
-    if all(ring is None for ring in rings):
-        return Mounts(names, T)
-    return Mounts(names, T, _checked_rings(rings, names, path))
+    return Mounts(names, T, None if all(ring is None for ring in rings) else _checked_rings(rings, names, path))
 
 
 def _checked_rings(rings: list[Any], names: list[str], path: Path) -> npt.NDArray[np.int64]:
@@ -226,14 +226,11 @@ def _transform_of(entry: dict[str, Any], name: str, path: Path) -> Pose:
         raise InputError(f"{path}: {name} has {min(unknown)!r}, but a mount has {', '.join(sorted(_KEYS))}")
     if "T_scan_sensor" in entry:
         return checked_mount(entry["T_scan_sensor"], name, path)
-    T = np.eye(4)
     try:
-        T[:3, 3] = np.asarray(entry.get("translation", [0.0, 0.0, 0.0]), np.float64).reshape(3)
+        place = np.asarray(entry.get("translation", [0.0, 0.0, 0.0]), np.float64).reshape(3)
         xyzw = np.asarray(entry.get("rotation", [0.0, 0.0, 0.0, 1.0]), np.float64).reshape(4)
     except (TypeError, ValueError):
         raise InputError(f"{path}: {name} needs a translation of 3 numbers and a rotation of 4, x y z w") from None
-    if not abs(np.linalg.norm(xyzw) - 1.0) < 0.01:
-        length = np.linalg.norm(xyzw)
+    if not abs((length := np.linalg.norm(xyzw)) - 1.0) < 0.01:
         raise InputError(f"{path}: the mount of {name} is not a rigid transform: its quaternion has norm {length:.3g}")
-    T[:3, :3] = Rotation.from_quat(xyzw).as_matrix()
-    return checked_mount(T, name, path)
+    return checked_mount(make_transform(Rotation.from_quat(xyzw).as_matrix(), place), name, path)

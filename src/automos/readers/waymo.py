@@ -16,12 +16,13 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
-from automos.core.geometry import inverse, make_transform
+from automos.core.geometry import Array, inverse, make_transform
 from automos.core.labels import Label
 from automos.core.reading import damage_reported, is_there
 from automos.core.scan import Pose, Scan
-from automos.readers.box_truth import DrawnBoxes, DrawnTruth, centers_in_world, checked_boxes, judge_boxes
+from automos.readers.box_truth import DrawnBoxes, DrawnTruth, checked_boxes
 from automos.readers.formats import Format, digest_of_files, require_increasing
+from automos.readers.listed import NamedSequence
 from automos.readers.parquet import RowReader, read_columns
 from automos.readers.range_image import place_pixels
 from automos.readers.stamped_poses import checked_mount, rigid_transforms, sensor_poses
@@ -54,13 +55,13 @@ def _table(segment: Path, component: str) -> Path:
     return segment.parent / component / f"{segment.name}.parquet"
 
 
-class WaymoSequence(DrawnTruth):
+class WaymoSequence(DrawnTruth, NamedSequence):
     """One segment. Poses are the vehicle's, carried over to the origin of its top LiDAR."""
 
     is_compensated = True
     """The poses of the pixels are applied."""
 
-    source: Path
+    _stamps: Array
 
     def __init__(self, segment: Path):
         """Find the scans of a segment.
@@ -72,19 +73,14 @@ class WaymoSequence(DrawnTruth):
         """
         self.source, self.name = segment, segment.name
         self._threads = threading.local()
-        keys = read_columns(_table(segment, "lidar"), [_TIME, _LASER])
-        if keys[_TIME].dtype.kind not in "iu":
-            raise InputError(f"{_table(segment, 'lidar')} has rows without a time; download it again")
-        self._rows = np.flatnonzero(keys[_LASER] == _TOP)
-        self._micros = keys[_TIME][self._rows].astype(np.int64)
+        self._micros, self._rows = self._times_and_rows("lidar", _LASER)
         if len(self._rows) == 0:
             raise InputError(f"{_table(segment, 'lidar')} holds no scans of the top LiDAR; download it again")
-        require_increasing(self.stamps, self.names, segment)
+        self._names = [str(micros) for micros in self._micros]
+        self._stamps = 1e-6 * self._micros.astype(np.float64)
+        require_increasing(self._stamps, self._names, segment)
         self._pose_rows = self._find_rows("lidar_pose", _LASER)
         self._T_world_vehicle = self._read_poses()
-
-    def __len__(self) -> int:
-        return len(self._rows)
 
     def __getitem__(self, index: int) -> Scan:
         images = self._range_images(index := self._scan_number(index))
@@ -94,19 +90,9 @@ class WaymoSequence(DrawnTruth):
             np.concatenate(points),
             intensity=np.concatenate([image[..., 1].ravel() for image in images]),
             ring=np.tile(np.repeat(np.arange(n_beams, dtype=np.uint16), width), len(images)),
-            stamp=float(self.stamps[index]),
-            name=self.names[index],
+            stamp=float(self._stamps[index]),
+            name=self._names[index],
         )
-
-    @property
-    def names(self) -> list[str]:
-        """The frames' times in microseconds."""
-        return [str(micros) for micros in self._micros]
-
-    @property
-    def stamps(self) -> npt.NDArray[np.float64]:
-        """(len,) seconds, of the frames' first measurements."""
-        return 1e-6 * self._micros.astype(np.float64)
 
     @property
     def reference_poses(self) -> Pose:
@@ -133,18 +119,24 @@ class WaymoSequence(DrawnTruth):
         self.__dict__.update(state, _threads=threading.local())
 
     # -------------------------------------------------------------------------------------------------------- tables
-    def _find_rows(self, component: str, *of_top: str) -> npt.NDArray[np.int64]:
-        """Return the row of each scan in a table, of the top LiDAR where it names LiDARs."""
+    def _times_and_rows(self, component: str, *of_top: str) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        """Return the times in a table and the rows they are in, of the top LiDAR where it names LiDARs."""
         path = _table(self.source, component)
         keys = read_columns(path, [_TIME, *of_top])
         if keys[_TIME].dtype.kind not in "iu":
             raise InputError(f"{path} has rows without a time; download it again")
         rows = np.flatnonzero(keys[_LASER] == _TOP) if of_top else np.arange(len(keys[_TIME]))
-        row_at = dict(zip(keys[_TIME][rows].tolist(), rows.tolist(), strict=True))
-        absent = next((micros for micros in self._micros.tolist() if micros not in row_at), None)
-        if absent is not None:
-            raise InputError(f"{path} has no row for the scan of {absent}; download it again")
-        return np.array([row_at[micros] for micros in self._micros.tolist()])
+        return keys[_TIME][rows].astype(np.int64), rows
+
+    def _find_rows(self, component: str, *of_top: str) -> list[int]:
+        """Return the row of each scan in a table."""
+        times, rows = self._times_and_rows(component, *of_top)
+        row_at = dict(zip(times.tolist(), rows.tolist(), strict=True))
+        try:
+            return [row_at[micros] for micros in self._micros.tolist()]
+        except KeyError as absent:
+            path = _table(self.source, component)
+            raise InputError(f"{path} has no row for the scan of {absent}; download it again") from None
 
     def _read_poses(self) -> Pose:
         path = _table(self.source, "vehicle_pose")
@@ -162,7 +154,7 @@ class WaymoSequence(DrawnTruth):
 
     def _range_images(self, index: int) -> list[npt.NDArray[np.float32]]:
         """Return the (H, W, 4) images of both returns: metres, intensity, elongation, in a zone not labelled."""
-        row = self._reader("lidar", _RETURNS)[int(self._rows[index])]
+        row = self._reader("lidar", _RETURNS)[self._rows[index]]
         with damage_reported(_table(self.source, "lidar")):
             images = [_image(row, name, 4) for name in _RETURNS]
             if images[0].shape != images[1].shape:
@@ -171,7 +163,7 @@ class WaymoSequence(DrawnTruth):
 
     def _to_points(self, index: int, distance: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         """Return the (H * W, 3) points of ranges (H, W), at the origin where there was no return."""
-        row = self._reader("lidar_pose", [_PIXEL_POSE])[int(self._pose_rows[index])]
+        row = self._reader("lidar_pose", [_PIXEL_POSE])[self._pose_rows[index]]
         elevation, T_vehicle_laser = self._calibration
         with damage_reported(_table(self.source, "lidar_pose")):
             pixel_pose = _image(row, _PIXEL_POSE, 6)
@@ -181,7 +173,7 @@ class WaymoSequence(DrawnTruth):
         return place_pixels(distance, pixel_pose, elevation, T_vehicle_laser, T_sensor_world)
 
     @cached_property
-    def _calibration(self) -> tuple[npt.NDArray[np.float64], Pose]:
+    def _calibration(self) -> tuple[Array, Pose]:
         """(H,) elevations of the range images' rows in radians, and (4, 4) T_vehicle_laser."""
         path = _table(self.source, "lidar_calibration")
         names = [f"{_CALIBRATION}.extrinsic.transform", f"{_CALIBRATION}.beam_inclination.values"]
@@ -205,19 +197,16 @@ class WaymoSequence(DrawnTruth):
         path = _table(self.source, "lidar_box")
         if not is_there(path):
             return None
-        parts = [
-            f"{_BOX}.{name}" for name in ("heading", *(f"{of}.{axis}" for of in ("center", "size") for axis in "xyz"))
-        ]
+        parts = [f"{_BOX}.heading", *(f"{_BOX}.{of}.{axis}" for of in ("center", "size") for axis in "xyz")]
         table = read_columns(path, [_TIME, _OBJECT, *parts])
         with damage_reported(path):
             yaw, *sides = (table[part].astype(np.float64) for part in parts)
             if table[_TIME].dtype.kind not in "iu":
                 raise ValueError("times that are not whole numbers")
-            _, track = np.unique(table[_OBJECT].astype(str), return_inverse=True)
+            objects = table[_OBJECT].astype(str)
         boxes = checked_boxes(np.column_stack(sides[:3]), np.column_stack(sides[3:]), yaw, path)
         scan = np.searchsorted(self._micros, table[_TIME]).clip(max=len(self) - 1)
-        label = judge_boxes(track, 1e-6 * table[_TIME], centers_in_world(self._T_world_vehicle[scan], boxes.center))
-        return DrawnBoxes(table[_TIME], track.astype(np.int64) + 1, boxes, label)
+        return DrawnBoxes.judged(table[_TIME], objects, boxes, 1e-6 * table[_TIME], self._T_world_vehicle[scan])
 
 
 def _image(row: dict[str, npt.NDArray], name: str, n_channels: int) -> npt.NDArray[np.float32]:

@@ -54,7 +54,8 @@ def read(path: Path, columns: str = "") -> Columns:
     if len(set(axes)) < len(axes) or any(map(_is_number, names)):
         raise InputError(f"{path} names x, y or z twice, or a column by a number, in its first line; copy it again")
     names, rest = _with_units(names, rest)
-    numbers = _without_comments(rest if names else text)
+    numbers = rest if names else text
+    numbers = _COMMENT.sub(b"", numbers) if b"#" in numbers or b"//" in numbers else numbers
     if b'"' in numbers:
         numbers = _QUOTED.sub(lambda cell: cell[1].replace(b",", b"."), numbers)
     if (b";" in numbers or b"\t" in numbers) and b"," in numbers and b"." not in numbers:
@@ -126,16 +127,8 @@ def _require_one_divider(numbers: bytes, path: Path) -> None:
     line = numbers.lstrip().partition(b"\n")[0]
     if (commas and semicolons) or (_COMMA_WITHIN.search(line) and _BLANK_BETWEEN.search(line)):
         raise InputError(f"{path} divides numbers by commas and by something else; write decimals with a point")
-    if _has_empty_cell(numbers):
+    if numbers.startswith((b",", b";")) or any(empty in numbers for empty in _EMPTY):
         raise InputError(f"{path} has cells without a number; write nan in them, or leave the column out")
-
-
-def _has_empty_cell(lines: bytes) -> bool:
-    return lines.startswith((b",", b";")) or any(empty in lines for empty in _EMPTY)
-
-
-def _without_comments(text: bytes) -> bytes:
-    return _COMMENT.sub(b"", text) if b"#" in text or b"//" in text else text
 
 
 def _behind_remarks(text: bytes) -> bytes:
@@ -173,9 +166,7 @@ def _names_in(line: bytes) -> list[str]:
     else:
         names = [name.strip() for name in next(csv.reader([text], delimiter=divider, skipinitialspace=True))]
         names = names if names[-1] else names[:-1]
-    if is_remark:
-        return names if {"x", "y", "z"} <= set(plain_names(names)) else []
-    return names
+    return [] if is_remark and not {"x", "y", "z"} <= set(plain_names(names)) else names
 
 
 def _is_number(word: str) -> bool:

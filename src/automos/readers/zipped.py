@@ -35,14 +35,7 @@ def _opened(path: Path) -> Iterator[zipfile.ZipFile]:
     try:
         with zipfile.ZipFile(path) as archive:
             yield archive
-    except (
-        zipfile.BadZipFile,
-        zlib.error,
-        RuntimeError,
-        NotImplementedError,
-        EOFError,
-        ValueError,
-    ) as error:  # or encrypted
+    except (zipfile.BadZipFile, zlib.error, RuntimeError, EOFError, ValueError) as error:  # or encrypted
         raise InputError(f"{path} cannot be unpacked ({error}); unpack it yourself, or copy it again") from None
 
 
@@ -56,12 +49,19 @@ def read(path: Path) -> Columns:
                 "of a whole recording, give the archive itself"
             )
         cloud = Path(archive.extract(clouds[0], folder))
-        try:
-            codec = CODEC_OF_SUFFIX[cloud.suffix.lower()]
+        codec = CODEC_OF_SUFFIX[cloud.suffix.lower()]
+        with _called(str(cloud), f"{path}/{clouds[0].filename}"):
             columns = read_columns(cloud, codec, find_columns([cloud]) if codec == "bin" else "")
             return {name: np.array(column) for name, column in columns.items()}
-        except InputError as error:
-            raise InputError(str(error).replace(str(cloud), f"{path}/{clouds[0].filename}")) from None
+
+
+@contextmanager
+def _called(unpacked: str, packed: str) -> Iterator[None]:
+    """Have errors name what is in the archive, not where it was unpacked for a while."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(str(error).replace(unpacked, packed)) from None
 
 
 def _only_recording(place: Path, codec: str | None) -> Path:
@@ -93,11 +93,8 @@ class ZippedSequence(OwnSequence):
         self._folder = tempfile.TemporaryDirectory(prefix="automos-")
         place = Path(self._folder.name) / path.stem
         self._unpack(path, place)
-        try:
+        with _called(self._folder.name, str(path.parent)):
             super().__init__(open_sequence(_only_recording(place, codec), codec))
-        except InputError as error:
-            raise InputError(str(error).replace(self._folder.name, str(path.parent))) from None
-
         self.source, self.name, self._archive = path, path.stem, path
 
     def _unpack(self, path: Path, place: Path) -> None:
@@ -106,10 +103,10 @@ class ZippedSequence(OwnSequence):
             needed, room = sum(member.file_size for member in archive.infolist()), shutil.disk_usage(place.parent).free
             if needed > 0.9 * room:
                 raise InputError(f"{path} unpacks to {needed >> 20} MB, and {place.parent} has room for {room >> 20}")
-            members = [member for member in archive.infolist() if not member.filename.startswith(_MACS)]
-            for member in members:
-                member.filename = member.filename.replace("\\", "/")  # as some programs divide folders
-            archive.extractall(place, members)
+            for member in archive.infolist():
+                if not member.filename.startswith(_MACS):
+                    member.filename = member.filename.replace("\\", "/")  # as some programs divide folders
+                    archive.extract(member, place)
 
     @property
     def address(self) -> Path:
