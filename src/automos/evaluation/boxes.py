@@ -62,13 +62,22 @@ class BoxErrors(ColumnData):
 
     def to_dict(self) -> dict[str, Any]:
         """Return shares of the true boxes, in [0, 1], and of each error median, worst tenth and mean over movers."""
-        has_box = np.isfinite(self.iou)
-        shares = {f"iou_{good:g}": float(np.mean(has_box & (self.iou >= good))) for good in GOOD} if len(self) else {}
-        spread = {
-            name: _spread(self.mover, getattr(self, name), worst)
-            for name, worst in (("iou", 10), ("length", 90), ("width", 90), ("yaw", 90), ("velocity", 90))
-        }
-        return {"boxes": len(self), "with_track": float(np.mean(has_box)) if len(self) else None, **shares, **spread}
+        shares: dict[str, float | None] = {"with_track": None}
+        if len(self):
+            shares = {"with_track": float(np.mean(np.isfinite(self.iou)))}
+            shares |= {f"iou_{good:g}": float(np.mean(self.iou >= good)) for good in GOOD}
+        spread = {name: _spread(self.mover, getattr(self, name), worst) for name, (worst, *_) in _MEASURES.items()}
+        return {"boxes": len(self), **shares, **spread}
+
+
+_MEASURES = {
+    "iou": (10, "box IoU from above", 100, "%"),
+    "length": (90, "box length", 1, "m"),
+    "width": (90, "box width", 1, "m"),
+    "yaw": (90, "box yaw", 1, "degrees"),
+    "velocity": (90, "box velocity", 1, "m/s"),
+}
+"""Of each column of `BoxErrors`: its worst percentile, what a table calls it, the factor to its unit, and the unit."""
 
 
 def _spread(mover: Ints, values: Array, worst: int) -> dict[str, float | None]:
@@ -89,17 +98,10 @@ def tracks_of_boxes(overlaps: Overlaps) -> tuple[Ints, Ints, Ints]:
     """
     on = overlaps[overlaps.mover > STANDS]
     scan, mover, n_points = on.total(("scan", "mover"))
-    shared = np.where(on.track > NO_TRACK, on.n_points, 0)
-    order = np.lexsort((-shared, on.mover, on.scan))  # the first of each scan and mover is the track with most
-    best = on[order[np.searchsorted(_rank(on, scan, mover)[order], np.arange(len(scan)))]]
+    most_first = on[np.argsort(-np.where(on.track > NO_TRACK, on.n_points, 0), kind="stable")]
+    _, first = np.unique(np.stack([most_first.scan, most_first.mover]), axis=1, return_index=True)
     kept = n_points >= FEWEST
-    return scan[kept], mover[kept], np.maximum(best.track, NO_TRACK)[kept]
-
-
-def _rank(on: Overlaps, scan: Ints, mover: Ints) -> Ints:
-    """Return which of the sorted pairs (`scan`, `mover`) each row of `on` belongs to."""
-    _, row = np.unique(np.stack([on.scan, on.mover]), axis=1, return_inverse=True)
-    return row.ravel()
+    return scan[kept], mover[kept], np.maximum(most_first.track[first], NO_TRACK)[kept]
 
 
 def compare_boxes(found: Boxes, true: Boxes) -> tuple[Array, Array, Array, Array]:
@@ -110,13 +112,11 @@ def compare_boxes(found: Boxes, true: Boxes) -> tuple[Array, Array, Array, Array
     is_across = true.size[:, 1] > true.size[:, 0]
     size = np.where(is_across[:, None], true.size[:, [1, 0, 2]], true.size)
     yaw = true.yaw + np.where(is_across, 0.5 * np.pi, 0.0)
-    flat = [_flat(one.center, sides, turn) for one, sides, turn in ((found, found.size, found.yaw), (true, size, yaw))]
-    iou = np.array(
-        [iou_3d(a, b)[0, 0] for a, b in zip(*([f[k : k + 1] for k in range(len(f))] for f in flat), strict=True)]
-    )
+    one, other = _flat(found.center, found.size, found.yaw), _flat(true.center, size, yaw)
+    iou = np.array([iou_3d(one[k : k + 1], other[k : k + 1])[0, 0] for k in range(len(yaw))])
     turn = np.degrees(np.abs((found.yaw - yaw + 0.5 * np.pi) % np.pi - 0.5 * np.pi))
     length, width = np.abs(found.size - size)[:, :2].T
-    return iou.reshape(len(found)), length, width, turn
+    return iou, length, width, turn
 
 
 def _flat(center: Array, size: Array, yaw: Array) -> Boxes:
@@ -172,18 +172,9 @@ def _of_boxes(scores: dict[str, Any]) -> Iterator[tuple[str, str]]:
     yield "true boxes with a track", f"{_percent(scores['with_track'])} of {scores['boxes']:,}"
     good = ", ".join(f"{_percent(scores[f'iou_{one:g}'])} from {one:g} on" for one in GOOD)
     yield "... by IoU from above", good
-    for name, what, unit in (
-        ("iou", "box IoU from above", "%"),
-        ("length", "box length", "m"),
-        ("width", "box width", "m"),
-        ("yaw", "box yaw", "degrees"),
-        ("velocity", "box velocity", "m/s"),
-    ):
-        values, scale = (
-            (scores[name][key] for key in ("median", "worst_tenth", "over_movers")),
-            100 * (name == "iou") or 1,
-        )
-        yield what, f"{' / '.join('-' if value is None else f'{scale * value:.2f}' for value in values)} {unit}"
+    for name, (_, what, scale, unit) in _MEASURES.items():
+        values = ("-" if value is None else f"{scale * value:.2f}" for value in scores[name].values())
+        yield what, f"{' / '.join(values)} {unit}"
 
 
 def _number(value: float) -> str:

@@ -49,17 +49,17 @@ class Scores:
     @property
     def iou(self) -> float:
         """TD / (TD + FD + FS), in [0, 1]."""
-        return _ratio(self.true_dynamic, self.true_dynamic + self.false_dynamic + self.false_static)
+        return ratio(self.true_dynamic, self.true_dynamic + self.false_dynamic + self.false_static)
 
     @property
     def precision(self) -> float:
         """TD / (TD + FD), in [0, 1]."""
-        return _ratio(self.true_dynamic, self.true_dynamic + self.false_dynamic)
+        return ratio(self.true_dynamic, self.true_dynamic + self.false_dynamic)
 
     @property
     def recall(self) -> float:
         """TD / (TD + FS), in [0, 1]."""
-        return _ratio(self.true_dynamic, self.true_dynamic + self.false_static)
+        return ratio(self.true_dynamic, self.true_dynamic + self.false_static)
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,5 +147,6 @@ def _score(matrix: npt.NDArray[np.int64]) -> Scores:
     )
 
 
-def _ratio(part: int, whole: int) -> float:
-    return part / whole if whole else float("nan")
+def ratio(part: float, whole: float) -> float:
+    """Return `part` by `whole`, nan without a whole."""
+    return float(part / whole) if whole else float("nan")

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.evaluation.overlaps import NO_TRACK, NOT_MOVING, STANDS, Ints, Overlaps
+from automos.evaluation.moving import ratio
+from automos.evaluation.overlaps import NO_TRACK, NOT_MOVING, STANDS, Ints, Overlaps, detections, hota, identity
 
 FOUND = 0.5
 """Share of its points, called moving, below which a mover is missed."""
@@ -108,7 +109,7 @@ class TrackCounts:
     @property
     def per_mover(self) -> float:
         """Tracks on movers for each mover that has any, 1 at best; nan without one."""
-        return self.on_movers / self.covered if self.covered else float("nan")
+        return ratio(self.on_movers, self.covered)
 
 
 def count_tracks(overlaps: Overlaps) -> TrackCounts:
@@ -148,18 +149,14 @@ def association(movers: Movers) -> float:
 
 def scores_of_objects(overlaps: Overlaps) -> dict[str, Any]:
     """Return all measures of a recording's objects, or of several `pooled`, as plain numbers, nan if undefined."""
-    from automos.evaluation.overlaps import detections, hota, identity
-
     movers, tracks, found = movers_of(overlaps), count_tracks(overlaps), detections(overlaps)
     return {
         "movers": {f"{least}+ points": outcomes(movers, least) for least in SIZES},
         "association": association(movers),
         "tracks_per_mover": tracks.per_mover,
         "tracks_elsewhere": tracks.elsewhere,
-        "unowned_on_movers": tracks.unowned_on / tracks.moving_on if tracks.moving_on else float("nan"),
-        "unowned_elsewhere": (
-            tracks.unowned_elsewhere / tracks.moving_elsewhere if tracks.moving_elsewhere else float("nan")
-        ),
+        "unowned_on_movers": ratio(tracks.unowned_on, tracks.moving_on),
+        "unowned_elsewhere": ratio(tracks.unowned_elsewhere, tracks.moving_elsewhere),
         **hota(found),
         **identity(found),
     }

@@ -4,7 +4,7 @@ A detection is what a scan holds of one mover, or of one moving track; two are a
 HOTA: Luiten et al., IJCV 2021. IDF1: Ristani et al., ECCV Workshops 2016.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Self
 
@@ -15,6 +15,7 @@ from scipy.optimize import linear_sum_assignment
 from automos.core.column_data import ColumnData
 from automos.core.geometry import Array
 from automos.core.labels import Label, to_mos
+from automos.evaluation.moving import ratio
 
 Ints = npt.NDArray[np.int64]
 
@@ -89,10 +90,9 @@ def pooled(recordings: Iterable[Overlaps]) -> Overlaps:
     parts = [Overlaps.empty()]
     for n, one in enumerate(recordings):
         own = n << 40  # above the 32 bits of a mover, and any number of scans and tracks
-        mover = np.where(one.mover > STANDS, one.mover + own, one.mover)
-        parts.append(
-            Overlaps(one.scan + own, mover, np.where(one.track > NO_TRACK, one.track + own, one.track), one.n_points)
-        )
+        mover = one.mover + own * (one.mover > STANDS)
+        track = one.track + own * (one.track > NO_TRACK)
+        parts.append(Overlaps(one.scan + own, mover, track, one.n_points))
     return Overlaps.concatenate(parts)
 
 
@@ -111,9 +111,6 @@ class Detections:
     n_tracks: int
     scans: list[tuple[npt.NDArray, npt.NDArray, Array]]
 
-    def __iter__(self) -> Iterator[tuple[npt.NDArray, npt.NDArray, Array]]:
-        return iter(self.scans)
-
 
 def hota(found: Detections) -> dict[str, float]:
     """Return HOTA and its parts, detection and association accuracy (DetA, AssA), means over `ALPHAS`, in [0, 1].
@@ -122,14 +119,14 @@ def hota(found: Detections) -> dict[str, float]:
     """
     alike = np.zeros((found.n_movers, found.n_tracks))
     of_mover, of_track = np.zeros((found.n_movers, 1)), np.zeros((1, found.n_tracks))
-    for movers, tracks, similarity in found:
+    for movers, tracks, similarity in found.scans:
         total = similarity.sum(axis=0)[None, :] + similarity.sum(axis=1)[:, None] - similarity
         alike[np.ix_(movers, tracks)] += np.divide(similarity, total, out=np.zeros_like(total), where=total > _EPS)
         of_mover[movers, 0] += 1
         of_track[0, tracks] += 1
     alignment = alike / np.maximum(of_mover + of_track - alike, _EPS)
     pairs = []
-    for movers, tracks, similarity in found:
+    for movers, tracks, similarity in found.scans:
         rows, columns = linear_sum_assignment(-alignment[np.ix_(movers, tracks)] * similarity)
         pairs.append(np.stack([movers[rows], tracks[columns], similarity[rows, columns]]))
     mover, track, alikeness = np.concatenate([np.zeros((3, 0)), *pairs], axis=1)
@@ -149,11 +146,11 @@ def identity(found: Detections) -> dict[str, float]:
     """Return IDF1, in [0, 1]: of movers and tracks paired one to one so that most detections agree; nan of none."""
     agree = np.zeros((found.n_movers, found.n_tracks))
     n_detections = 0
-    for movers, tracks, similarity in found:
+    for movers, tracks, similarity in found.scans:
         agree[np.ix_(movers, tracks)] += similarity >= SAME
         n_detections += len(movers) + len(tracks)
     right = agree[linear_sum_assignment(-agree)].sum()
-    return {"idf1": float(2.0 * right / n_detections) if n_detections else float("nan")}
+    return {"idf1": ratio(2.0 * right, n_detections)}
 
 
 def detections(overlaps: Overlaps) -> Detections:

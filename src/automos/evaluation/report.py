@@ -143,7 +143,7 @@ def evaluate_recordings(
     """
     recordings = list(sequences)
     require_own_names([sequence.name for sequence in recordings])
-    labelled = [sequence for sequence in recordings if _has_truth(sequence)]
+    labelled = [s for s in recordings if any(s.truth(i) is not None for i in range(len(s)))]
     if not labelled:
         raise InputError(f"{_names(recordings)} came without labels: there is no truth to compare with")
     if len(labelled) < len(recordings):
@@ -181,10 +181,6 @@ def evaluate_folder(folder: str | Path, sequence: Sequence, progress: Progress |
     return Result(counts, Overlaps.concatenate(overlaps))
 
 
-def _has_truth(sequence: Sequence) -> bool:
-    return any(sequence.truth(i) is not None for i in range(len(sequence)))
-
-
 def _names(sequences: Iterable[Sequence]) -> str:
     return ", ".join(sequence.name for sequence in sequences)
 
@@ -199,8 +195,8 @@ def _counts_dict(counts: Counts) -> dict[str, Any]:
 
 
 def _scores_dict(scores: Scores) -> dict[str, float | int | None]:
-    ratios = {"iou": scores.iou, "precision": scores.precision, "recall": scores.recall}
-    return {**{name: None if math.isnan(value) else value for name, value in ratios.items()}, **asdict(scores)}
+    ratios = {name: without_nan(getattr(scores, name)) for name in ("iou", "precision", "recall")}
+    return {**ratios, **asdict(scores)}
 
 
 def _objects(recordings: list[Overlaps]) -> dict[str, Any] | None:

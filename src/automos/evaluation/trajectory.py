@@ -175,15 +175,13 @@ def drift(
     As in KITTI's devkit an error is divided by the segment's nominal length. Drives shorter than 100 m need shorter
     lengths, such as `lengths=(10,), every=1`.
     """
-    t_err, r_err = [], []
-    for length in lengths:
-        errors = errors_over_distance(estimate, reference, length, every)
-        t_err.append(errors.translation / length)
-        r_err.append(errors.rotation_deg / length)
-    n_segments = sum(len(part) for part in t_err)
+    found = [(length, errors_over_distance(estimate, reference, length, every)) for length in lengths]
+    n_segments = sum(len(errors) for _, errors in found)
     if n_segments == 0:
         return Drift(float("nan"), float("nan"), 0)
-    return Drift(100.0 * float(np.concatenate(t_err).mean()), float(np.concatenate(r_err).mean()), n_segments)
+    t_err = np.concatenate([errors.translation / length for length, errors in found])
+    r_err = np.concatenate([errors.rotation_deg / length for length, errors in found])
+    return Drift(100.0 * float(t_err.mean()), float(r_err.mean()), n_segments)
 
 
 # ------------------------------------------------------------------------------------------------------- checks

@@ -1,5 +1,6 @@
 """Open a results folder together with its recording, whose path is stored in run.json."""
 
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 
 from automos.core.arguments import given_path
@@ -55,6 +56,19 @@ def recording_of(folder: Path, recording: str | Path | None = None, format: str 
         return open_sequence(source, format)
     except InputError as error:
         raise InputError(f"the recording cannot be opened where it was ({error}): give its path, too") from error
+
+
+def runs_in(
+    results: Path, sequences: Collection[Sequence], is_wanted: Callable[[Sequence], bool]
+) -> Iterator[RunFiles]:
+    """Yield the runs of those of `sequences` that are wanted and have poses and tracks; labels alone are no run.
+
+    results : the results folder of one recording, or of several a folder with that of each in it.
+    """
+    for sequence in filter(is_wanted, sequences):
+        folder = results if len(sequences) == 1 else results / sequence.name
+        if (folder / "tracks.json").exists() and (folder / "poses.txt").exists():
+            yield RunFiles(folder, sequence)
 
 
 class Elsewhere(Sequence):

@@ -8,7 +8,6 @@ import logging
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cached_property
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -16,19 +15,18 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
-from automos.core.geometry import inverse, make_transform, transform
+from automos.core.geometry import inverse, transform
 from automos.core.pose_files import read_poses
 from automos.core.run import Progress
 from automos.core.scan import GROUND, Frame, Points, Pose, Scan, Sequence
-from automos.core.upright_boxes import Boxes
 from automos.core.workspace import require_same
 from automos.evaluation.predictions import find_predictions
 from automos.objects.kinds import Kind, likeliest
 from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.trajectory import SequenceFrames, Trajectory, make_frame
 from automos.results.point_files import PointFiles
-from automos.results.run_objects import ScanBoxes
-from automos.results.tracks_file import box_table, each_track
+from automos.results.run_objects import Object, ScanBoxes, boxes_by_scan, upright_pose
+from automos.results.tracks_file import each_track
 
 logger = logging.getLogger(__name__)
 
@@ -164,8 +162,7 @@ class RunFiles(PointFiles):
         T = self.T_level_sensor(index)
         # A sensor on its side may look up along its x-axis, which then has no heading.
         forward = T[:3, 0] if abs(T[2, 0]) < 0.9 else T[:3, 2]
-        c, s = forward[:2] / np.linalg.norm(forward[:2])
-        return make_transform([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], T[:3, 3])
+        return upright_pose(forward[:2] / np.linalg.norm(forward[:2]), T[:3, 3])
 
     def T_upright_sensor(self, index: int) -> Pose:
         """Return (4, 4): the rotation that makes the sensor's z-axis point up."""
@@ -180,12 +177,8 @@ class RunFiles(PointFiles):
     # -------------------------------------------------------------------------------------------------------- tracks
     def boxes_level(self, index: int) -> ScanBoxes:
         """Return the objects of scan `index` in the level frame."""
-        rows = self._rows_of_scan[index]
-        table = self._table
-        boxes = Boxes(table["center"][rows], table["size"][rows], table["yaw"][rows], table["confidence"][rows])
-        ids = table["id"][rows]
-        columns = table["verdict"][rows], self.kinds(ids), table["velocity"][rows], table["observed"][rows]
-        return ScanBoxes(boxes, ids, *columns)
+        index, (edges, boxes) = range(len(self))[index], self._boxes
+        return boxes[edges[index] : edges[index + 1]]
 
     def boxes_upright(self, index: int) -> ScanBoxes:
         """Return the objects of scan `index` in its upright frame."""
@@ -220,10 +213,7 @@ class RunFiles(PointFiles):
         return {track["id"]: likeliest(track.get("kind", {})) for track in self.tracks_file["tracks"]}
 
     @cached_property
-    def _table(self) -> dict[str, npt.NDArray]:
-        return box_table(self.tracks_file)
-
-    @cached_property
-    def _rows_of_scan(self) -> list[slice]:
-        edges = np.searchsorted(self._table["scan"], np.arange(len(self) + 1))
-        return [slice(start, end) for start, end in pairwise(edges)]
+    def _boxes(self) -> tuple[list[int], ScanBoxes]:
+        """The boxes of all scans, and the row with which each scan's begin."""
+        scans, boxes = boxes_by_scan([Object.of_track(track) for track in self.tracks_file["tracks"]])
+        return np.searchsorted(scans, np.arange(len(self) + 1)).tolist(), boxes

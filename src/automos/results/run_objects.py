@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.column_data import ColumnData
 from automos.core.errors import MissingExtraError
 from automos.core.extras import pip_install
 from automos.core.geometry import make_transform
@@ -16,12 +17,18 @@ from automos.core.scan import Pose
 from automos.core.upright_boxes import Boxes
 from automos.objects.kinds import Kind, likeliest
 from automos.objects.verdict import Verdict
-from automos.results.tracks_file import VERDICTS
+from automos.results.tracks_file import MIN_SIDE, VERDICTS
 
 if TYPE_CHECKING:
     import pandas as pd
 
 _Vector = npt.NDArray[np.float64]
+
+
+def upright_pose(heading: npt.ArrayLike, place: _Vector) -> Pose:
+    """Return (4, 4) of what stands upright at `place` (3,), its x-axis along `heading` (2,), which is of length 1."""
+    c, s = np.asarray(heading)
+    return make_transform([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], place)
 
 
 class Box(NamedTuple):
@@ -43,12 +50,11 @@ class Box(NamedTuple):
     @property
     def pose(self) -> Pose:
         """(4, 4) from the box, its centre the origin and x its heading, to the frame that it is in."""
-        c, s = np.cos(self.yaw), np.sin(self.yaw)
-        return make_transform([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], self.center)
+        return upright_pose((np.cos(self.yaw), np.sin(self.yaw)), self.center)
 
 
 @dataclass(frozen=True, eq=False)
-class ScanBoxes:
+class ScanBoxes(ColumnData):
     """The objects of one scan; as an iterable, a `Box` each.
 
     Attributes
@@ -73,9 +79,6 @@ class ScanBoxes:
     kind: npt.NDArray[np.int8]
     velocity: npt.NDArray[np.float64]
     observed: npt.NDArray[np.bool_]
-
-    def __len__(self) -> int:
-        return len(self.ids)
 
     def __iter__(self) -> Iterator[Box]:
         boxes = self.boxes
@@ -164,6 +167,21 @@ class Object:
     def moves(self) -> npt.NDArray[np.bool_]:
         """(K,) whether it moves in each of the scans; all False unless its verdict is "moving"."""
         return (self.p_moving >= 0.5) & (self.verdict == "moving")
+
+
+def boxes_by_scan(objects: Sequence[Object]) -> tuple[npt.NDArray[np.int64], ScanBoxes]:
+    """Return the scan of each box of all `objects`, ascending, and the boxes; sides are `MIN_SIDE` at least."""
+    told = [(one.id, VERDICTS.index(one.verdict), likeliest(one.kinds)) for one in objects]
+    each = np.array([len(one) for one in objects], np.int64)
+    ids, verdict, kind = np.repeat(np.array(told, np.int64).reshape(-1, 3), each, axis=0).T
+    scans = np.concatenate([np.zeros(0, np.int64), *(one.scans for one in objects)])
+    boxes = Boxes.concatenate([one.boxes for one in objects])
+    velocity = np.concatenate([np.zeros((0, 3)), *(one.velocity for one in objects)])
+    observed = np.concatenate([np.zeros(0, np.bool_), *(one.observed for one in objects)])
+    wide = replace(boxes, size=np.maximum(boxes.size, MIN_SIDE))
+    order = np.lexsort((ids, scans))
+    found = ScanBoxes(wide, ids, verdict.astype(np.int8), kind.astype(np.int8), velocity, observed)
+    return scans[order], found[order]
 
 
 def table_of(objects: Sequence[Object]) -> pd.DataFrame:

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from automos.core.atomic import atomic_path
@@ -180,28 +179,3 @@ def track_entries(
             "moves_until": max(moves, default=None),
             "boxes": boxes,
         }
-
-
-def box_table(tracks_file: dict[str, Any]) -> dict[str, npt.NDArray]:
-    """Return columns of all boxes of all tracks, a row each, by scan, then track; sides are `MIN_SIDE` at least."""
-    rows = [
-        (
-            *(box["scan"], track["id"], VERDICTS.index(track["verdict"]), track["confidence"]),
-            *(box["observed"], box["yaw"], *box["center"], *box["size"], *box["velocity"]),
-        )
-        for track in tracks_file["tracks"]
-        for box in track["boxes"]
-    ]
-    table = np.array(rows, np.float64).reshape(-1, 15)
-    table = table[np.lexsort((table[:, 1], table[:, 0]))]
-    return {
-        "scan": table[:, 0].astype(np.int64),
-        "id": table[:, 1].astype(np.int64),
-        "verdict": table[:, 2].astype(np.int8),
-        "confidence": table[:, 3],
-        "observed": table[:, 4] > 0,
-        "yaw": table[:, 5],
-        "center": table[:, 6:9],
-        "size": np.maximum(table[:, 9:12], MIN_SIDE),
-        "velocity": table[:, 12:15],
-    }

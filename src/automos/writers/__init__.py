@@ -21,22 +21,22 @@ if TYPE_CHECKING:
     from automos.results.run_files import RunFiles
     from automos.writers.formats import Export
 
-_MODULES = {
-    "semantickitti": ("semantickitti",),
-    "scan_files": ("panoptic", "instances", "pcd", "ply", "laz", "parquet", "mcap", "dynamicmap"),
-    "box_files": ("kitti_tracking", "nuscenes", "openlabel", "openpcdet", "mmdet3d"),
-    "nuscenes_tables": ("nuscenes-tables", "t4"),
-    "annotation_tools": ("cvat", "segments", "supervisely", "sustech"),
-    "reconstruction": ("ncore", "drivestudio"),
-    "flow": ("flow-av2", "opensceneflow"),
-}
-"""The formats of each module, which declares them as `EXPORTS`."""
-EXPORTS: tuple[str, ...] = (
-    "semantickitti", "panoptic", "instances", "pcd", "ply", "laz", "parquet", "mcap",
-    "kitti_tracking", "nuscenes", "nuscenes-tables", "t4", "openpcdet", "mmdet3d", "openlabel",
-    "cvat", "segments", "supervisely", "sustech", "flow-av2", "opensceneflow", "dynamicmap", "ncore", "drivestudio",
-)  # fmt: skip
-"""Formats that results are written in, in the order in which they are listed."""
+_MODULES = (
+    ("semantickitti", ("semantickitti",)),
+    ("scan_files", ("panoptic", "instances", "pcd", "ply")),
+    ("las", ("laz",)),
+    ("scan_files", ("parquet", "mcap")),
+    ("box_files", ("kitti_tracking", "nuscenes")),
+    ("nuscenes_tables", ("nuscenes-tables", "t4")),
+    ("box_files", ("openpcdet", "mmdet3d", "openlabel")),
+    ("annotation_tools", ("cvat", "segments", "supervisely", "sustech")),
+    ("flow", ("flow-av2", "opensceneflow")),
+    ("scan_files", ("dynamicmap",)),
+    ("reconstruction", ("ncore", "drivestudio")),
+)
+"""The formats of each module, which declares them as `EXPORTS`, in the order in which they are listed."""
+EXPORTS: tuple[str, ...] = tuple(name for _, formats in _MODULES for name in formats)
+"""Formats that results are written in."""
 
 
 def load_export(name: str) -> Export:
@@ -51,7 +51,7 @@ def load_export(name: str) -> Export:
     if name not in EXPORTS:
         near = difflib.get_close_matches(name.lower(), EXPORTS, n=1, cutoff=0.0)
         raise InputError(f"unknown format {name!r}; did you mean {near[0]!r}? Known are: {', '.join(EXPORTS)}")
-    module = next(module for module, formats in _MODULES.items() if name in formats)
+    module = next(module for module, formats in _MODULES if name in formats)
     declared: Export = importlib.import_module(f"automos.writers.{module}").EXPORTS[name]
     return declared
 
@@ -152,7 +152,10 @@ def _write(export: Export, run: RunFiles, place: Path) -> None:
     """Write one recording's results to `place`; InputError where that cannot be, or holds others."""
     _require_unmixed(place, export, run)
     with faults_reported(place), nullcontext() if export.suffix else held(place):
-        remove_parts(place)
+        if export.suffix:
+            place.parent.mkdir(parents=True, exist_ok=True)
+        else:
+            remove_parts(place)
         export.write(run, place)
 
 

@@ -8,7 +8,6 @@ Segments.ai: the sample and its cuboid and segmentation labels, as its Python SD
 frame, its motion during a sweep taken out, and `ego_pose` places each scan in a world with z up, as the cuboids.
 """
 
-import hashlib
 import json
 import zipfile
 from collections.abc import Iterator
@@ -23,8 +22,9 @@ from automos.core.geometry import quaternion_of
 from automos.core.labels import Label
 from automos.core.scan import Mask
 from automos.results.run_files import RunFiles
+from automos.results.run_objects import Box
 from automos.results.tracks_file import VERDICTS
-from automos.writers.formats import Export, make_folders, seen_columns, write_pcd
+from automos.writers.formats import Export, make_folders, seen_columns, token_of, write_pcd
 
 
 def _each_cloud(run: RunFiles, folder: Path, what: str) -> Iterator[tuple[int, str]]:
@@ -41,11 +41,7 @@ def _write_sustech(run: RunFiles, out: Path) -> None:
     for index, name in _each_cloud(run, out / "lidar", "writing scene"):
         boxes = [
             {
-                "psr": {
-                    "position": xyz(box.center),
-                    "scale": xyz(box.size),
-                    "rotation": xyz((0.0, 0.0, box.yaw)),
-                },
+                "psr": _placed(box, position="center", scale="size", rotation="turn"),
                 "obj_type": box.verdict.capitalize(),
                 "obj_id": str(box.id),
             }
@@ -54,8 +50,13 @@ def _write_sustech(run: RunFiles, out: Path) -> None:
         write_text(out / "label" / f"{name}.json", json.dumps(boxes))
 
 
-def xyz(values: npt.ArrayLike) -> dict[str, float]:
-    """Return three numbers by their axes' names."""
+def _placed(box: Box, **called: str) -> dict[str, dict[str, float]]:
+    """Return x, y, z of the box's `center`, `size` and `turn` about each axis, as a tool has them `called`."""
+    values: dict[str, npt.ArrayLike] = {"center": box.center, "size": box.size, "turn": (0.0, 0.0, box.yaw)}
+    return {theirs: _xyz(values[ours]) for theirs, ours in called.items()}
+
+
+def _xyz(values: npt.ArrayLike) -> dict[str, float]:
     return {axis: round(float(value), 6) for axis, value in zip("xyz", np.asarray(values), strict=True)}
 
 
@@ -70,10 +71,11 @@ def _write_supervisely(run: RunFiles, out: Path) -> None:
     frames = [{"index": index, "figures": _figures(run, index)} for index, _ in clouds]
     annotation = {
         "description": "",
-        "key": _key(run, "episode"),
+        "key": token_of(run, "episode"),
         "tags": [],
         "objects": [
-            {"key": _key(run, track), "classTitle": verdict, "tags": []} for track, (verdict, _) in run.tracks.items()
+            {"key": token_of(run, track), "classTitle": verdict, "tags": []}
+            for track, (verdict, _) in run.tracks.items()
         ],
         "framesCount": len(run),
         "frames": frames,
@@ -92,22 +94,13 @@ def _write_supervisely(run: RunFiles, out: Path) -> None:
 def _figures(run: RunFiles, index: int) -> list[dict[str, Any]]:
     return [
         {
-            "key": _key(run, box.id, index),
-            "objectKey": _key(run, box.id),
+            "key": token_of(run, box.id, index),
+            "objectKey": token_of(run, box.id),
             "geometryType": "cuboid_3d",
-            "geometry": {
-                "position": xyz(box.center),
-                "rotation": xyz((0.0, 0.0, box.yaw)),
-                "dimensions": xyz(box.size),
-            },
+            "geometry": _placed(box, position="center", rotation="turn", dimensions="size"),
         }
         for box in run.boxes_upright(index)
     ]
-
-
-def _key(run: RunFiles, *parts: object) -> str:
-    """Return 32 hexadecimal digits, the same whenever the same thing is written."""
-    return hashlib.sha256(repr((run.sequence.name, *parts)).encode()).hexdigest()[:32]
 
 
 ANNOTATIONS = "annotations/default.json"
@@ -119,48 +112,38 @@ _POINT_CLOUD = 6
 def _write_cvat(run: RunFiles, out: Path) -> None:
     """Write point_clouds/default/*.pcd, annotations/default.json and the same as annotations.zip into `out`."""
     make_folders(out, CLOUDS, "annotations")
-    items = [_item(run, index, name) for index, name in _each_cloud(run, out / CLOUDS, "writing task")]
+    items = [
+        {
+            "id": name,
+            "annotations": [_cuboid(number, box) for number, box in enumerate(run.boxes_upright(index))],
+            "attr": {"frame": index},
+            "point_cloud": {"path": f"{name}.pcd"},
+        }
+        for index, name in _each_cloud(run, out / CLOUDS, "writing task")
+    ]
     labels = [{"name": verdict, "parent": "", "attributes": []} for verdict in VERDICTS]
-    document = {
-        "info": {},
-        "media_type": _POINT_CLOUD,
-        "categories": {"label": {"labels": labels, "attributes": ["occluded"]}, "points": {"items": []}},
-        "items": items,
-    }
-    text = json.dumps(document)
+    categories = {"label": {"labels": labels, "attributes": ["occluded"]}, "points": {"items": []}}
+    text = json.dumps({"info": {}, "media_type": _POINT_CLOUD, "categories": categories, "items": items})
     write_text(out / ANNOTATIONS, text)
     with atomic_path(out / "annotations.zip") as temporary, zipfile.ZipFile(temporary, "w") as archive:
         archive.writestr(zipfile.ZipInfo(ANNOTATIONS), text, zipfile.ZIP_DEFLATED)
 
 
-def _item(run: RunFiles, index: int, name: str) -> dict[str, Any]:
-    annotations = [
-        {
-            "id": k,
-            "type": "cuboid_3d",
-            "attributes": {
-                "occluded": not box.is_observed,
-                "track_id": box.id,
-                "keyframe": True,
-                "outside": False,
-            },
-            "group": 0,
-            "label_id": VERDICTS.index(box.verdict),
-            "position": box.center.round(6).tolist(),
-            "rotation": [0.0, 0.0, round(box.yaw, 6)],
-            "scale": box.size.round(6).tolist(),
-        }
-        for k, box in enumerate(run.boxes_upright(index))
-    ]
+def _cuboid(number: int, box: Box) -> dict[str, Any]:
+    attributes = {"occluded": not box.is_observed, "track_id": box.id, "keyframe": True, "outside": False}
     return {
-        "id": name,
-        "annotations": annotations,
-        "attr": {"frame": index},
-        "point_cloud": {"path": f"{name}.pcd"},
+        "id": number,
+        "type": "cuboid_3d",
+        "attributes": attributes,
+        "group": 0,
+        "label_id": VERDICTS.index(box.verdict),
+        "position": box.center.round(6).tolist(),
+        "rotation": [0.0, 0.0, round(box.yaw, 6)],
+        "scale": box.size.round(6).tolist(),
     }
 
 
-CATEGORIES = {verdict: number for number, verdict in enumerate(VERDICTS, start=1)}
+_CATEGORIES = {verdict: number for number, verdict in enumerate(VERDICTS, start=1)}
 """Ids of the categories to be made in the dataset."""
 
 
@@ -181,20 +164,15 @@ def _write_segments(run: RunFiles, out: Path) -> None:
             write_pcd(out / "pointclouds" / f"{name}.pcd", columns)
             timestamp, T = round(1e9 * run.stamps[index]), run.T_level_sensor(index)
             heading = {f"q{part}": round(float(value), 9) for part, value in zip("xyzw", quaternion_of(T), strict=True)}
-            samples.append(
-                {
-                    "name": name,
-                    "timestamp": timestamp,
-                    "pcd": {"url": f"pointclouds/{name}.pcd", "type": "pcd"},
-                    "ego_pose": {"position": xyz(T[:3, 3]), "heading": heading},
-                }
-            )
+            ego_pose = {"position": _xyz(T[:3, 3]), "heading": heading}
+            cloud = {"url": f"pointclouds/{name}.pcd", "type": "pcd"}
+            samples.append({"name": name, "timestamp": timestamp, "pcd": cloud, "ego_pose": ego_pose})
             cuboids.append({"format_version": "0.2", "timestamp": timestamp, "annotations": _cuboids(run, index)})
             segmentation.write((", " if index else "") + json.dumps(_segmentation(run, index, is_finite, loose)))
         segmentation.write("]}")
     write_text(out / "sample.json", json.dumps({"frames": samples}))
     write_text(out / "cuboids.json", json.dumps({"format_version": "0.2", "frames": cuboids}))
-    categories = [{"id": number, "name": verdict, "has_instances": True} for verdict, number in CATEGORIES.items()]
+    categories = [{"id": number, "name": verdict, "has_instances": True} for verdict, number in _CATEGORIES.items()]
     write_text(out / "categories.json", json.dumps({"format_version": "0.1", "categories": categories}, indent=1))
 
 
@@ -202,10 +180,9 @@ def _cuboids(run: RunFiles, index: int) -> list[dict[str, Any]]:
     return [
         {
             "id": box.id,
-            "category_id": CATEGORIES[box.verdict],
+            "category_id": _CATEGORIES[box.verdict],
             "type": "cuboid",
-            "position": xyz(box.center),
-            "dimensions": xyz(box.size),
+            **_placed(box, position="center", dimensions="size"),
             "yaw": round(box.yaw, 6),
             "is_keyframe": True,
             "track_id": box.id,
@@ -223,27 +200,22 @@ def _segmentation(run: RunFiles, index: int, is_finite: Mask, loose: int) -> dic
     label, instance = (of(index, len(is_finite))[is_finite] for of in (run.labels, run.instances))
     objects = np.select([label == Label.MOVING, label == Label.STATIC], [instance + 1, 1], 0)
     objects[(label == Label.MOVING) & (instance == 0)] = loose
-    found = [int(number) for number in np.unique(objects) if number > 0]
     annotations = [
-        {"id": number, "category_id": CATEGORIES["static" if number == 1 else "moving"], "track_id": number}
-        for number in found
+        {"id": number, "category_id": _CATEGORIES["static" if number == 1 else "moving"], "track_id": number}
+        for number in np.unique(objects[objects > 0]).tolist()
     ]
     return {"format_version": "0.2", "annotations": annotations, "point_annotations": objects.tolist()}
 
 
 EXPORTS = {
     "cvat": Export(
-        writes="CVAT task: point_clouds/, annotations.zip (Datumaro 3D)",
-        write=_write_cvat,
-        per_scan=("point_clouds/default/*.pcd",),
+        "CVAT task: point_clouds/, annotations.zip (Datumaro 3D)", _write_cvat, per_scan=(f"{CLOUDS}/*.pcd",)
     ),
     "segments": Export(
-        writes="Segments.ai sample, cuboids and segmentation", write=_write_segments, per_scan=("pointclouds/*.pcd",)
+        "Segments.ai sample, cuboids and segmentation", _write_segments, per_scan=("pointclouds/*.pcd",)
     ),
-    "supervisely": Export(writes="Supervisely project of point cloud episodes", write=_write_supervisely),
+    "supervisely": Export("Supervisely project of point cloud episodes", _write_supervisely),
     "sustech": Export(
-        writes="SUSTechPOINTS scene: lidar/*.pcd, label/*.json",
-        write=_write_sustech,
-        per_scan=("lidar/*.pcd", "label/*.json"),
+        "SUSTechPOINTS scene: lidar/*.pcd, label/*.json", _write_sustech, per_scan=("lidar/*.pcd", "label/*.json")
     ),
 }

@@ -18,11 +18,12 @@ from typing import Any
 
 import numpy as np
 
-from automos.core.atomic import atomic_path, write_npy, write_raw, write_text
+from automos.core.atomic import write_bytes, write_npy, write_raw, write_text
 from automos.core.claims import SIGN
-from automos.core.geometry import inverse, make_transform, quaternion_of, transform
+from automos.core.geometry import inverse, make_transform, transform
 from automos.results.run_files import RunFiles
-from automos.writers.formats import Export, make_folders, upright_points
+from automos.results.run_objects import Box
+from automos.writers.formats import Export, make_folders, scalar_first, upright_points
 
 
 def _write_nuscenes(run: RunFiles, out: Path) -> None:
@@ -38,7 +39,7 @@ def _write_nuscenes(run: RunFiles, out: Path) -> None:
                 "sample_token": run.names[index],
                 "translation": translation[k].tolist(),
                 "size": box.size[[1, 0, 2]].round(4).tolist(),
-                "rotation": np.roll(quaternion_of(T_world_level @ box.pose), 1).round(9).tolist(),
+                "rotation": scalar_first(T_world_level @ box.pose),
                 "velocity": velocity[k, :2].tolist(),
                 "tracking_id": str(box.id),
                 "tracking_name": box.verdict,
@@ -47,7 +48,6 @@ def _write_nuscenes(run: RunFiles, out: Path) -> None:
             for k, box in enumerate(found)
         ]
     uses = {f"use_{sensor}": sensor == "lidar" for sensor in ("camera", "lidar", "radar", "map", "external")}
-    out.parent.mkdir(parents=True, exist_ok=True)
     write_text(out, json.dumps({"meta": {**uses, "comment": SIGN.decode()}, "results": results}))
 
 
@@ -72,24 +72,12 @@ def _write_openlabel(run: RunFiles, out: Path) -> None:
             objects[str(box.id)] = {"object_data": {"cuboid": [cuboid]}}
             seen[box.id].append(index)
         T = run.T_level_sensor(index)
-        transforms = {
-            f"{_SENSOR}_to_{_WORLD}": {
-                "src": _SENSOR,
-                "dst": _WORLD,
-                "transform_src_to_dst": {"matrix4x4": T.round(9).ravel().tolist()},
-            }
-        }
-        frames[str(index)] = {
-            "frame_properties": {"timestamp": f"{run.stamps[index]:.6f}", "transforms": transforms},
-            "objects": objects,
-        }
+        placed = {"src": _SENSOR, "dst": _WORLD, "transform_src_to_dst": {"matrix4x4": T.round(9).ravel().tolist()}}
+        properties = {"timestamp": f"{run.stamps[index]:.6f}", "transforms": {f"{_SENSOR}_to_{_WORLD}": placed}}
+        frames[str(index)] = {"frame_properties": properties, "objects": objects}
+    about = {"schema_version": "1.0.0", "name": run.sequence.name, "annotator": "automos", "comment": SIGN.decode()}
     content = {
-        "metadata": {
-            "schema_version": "1.0.0",
-            "name": run.sequence.name,
-            "annotator": "automos",
-            "comment": SIGN.decode(),
-        },
+        "metadata": about,
         "coordinate_systems": {
             _WORLD: {"type": "scene_cs", "parent": "", "children": [_SENSOR]},
             _SENSOR: {"type": "sensor_cs", "parent": _WORLD, "children": []},
@@ -98,7 +86,6 @@ def _write_openlabel(run: RunFiles, out: Path) -> None:
         "frames": frames,
         "objects": {str(track): _object(track, scans, *tracks[track]) for track, scans in seen.items()},
     }
-    out.parent.mkdir(parents=True, exist_ok=True)
     write_text(out, json.dumps({"openlabel": content}))
 
 
@@ -165,13 +152,16 @@ def _write_openpcdet(run: RunFiles, out: Path) -> None:
         moving, name = run.boxes_upright(index).moving, f"{index:06d}"
         if not moving:
             continue
-        numbers = [" ".join(f"{value:.4f}" for value in (*box.center, *box.size, box.yaw)) for box in moving]
-        lines = [f"{row} {CLASSES[CLASS_OF_KIND[box.kind]]}\n" for row, box in zip(numbers, moving, strict=True)]
+        lines = [f"{_numbers_of(box)} {CLASSES[CLASS_OF_KIND[box.kind]]}\n" for box in moving]
         write_npy(out / "points" / f"{name}.npy", upright_points(run, index))
         write_text(out / "labels" / f"{name}.txt", "".join(lines))
         listed.append(name)
     for split, names in split_of(listed).items():
         write_text(out / "ImageSets" / f"{split}.txt", "".join(f"{name}\n" for name in names))
+
+
+def _numbers_of(box: Box) -> str:
+    return " ".join(f"{value:.4f}" for value in (*box.center, *box.size, box.yaw))
 
 
 def _write_mmdet3d(run: RunFiles, out: Path) -> None:
@@ -190,8 +180,7 @@ def _write_mmdet3d(run: RunFiles, out: Path) -> None:
     about = {"dataset": "automos", "categories": {kind: k for k, kind in enumerate(CLASSES)}, "version": "1.1"}
     for split, names in split_of(list(frames)).items():
         infos = {"metainfo": about, "data_list": [frames[name] for name in names]}
-        with atomic_path(out / f"infos_{split}.pkl") as temporary, temporary.open("wb") as file:
-            pickle.dump(infos, file)
+        write_bytes(out / f"infos_{split}.pkl", pickle.dumps(infos))
 
 
 def _instances(run: RunFiles, index: int) -> list[dict[str, Any]]:
@@ -206,11 +195,9 @@ def _instances(run: RunFiles, index: int) -> list[dict[str, Any]]:
 
 
 EXPORTS = {
-    "kitti_tracking": Export(writes="KITTI tracking text: label_02/*.txt, calib/*.txt", write=_write_kitti),
-    "nuscenes": Export(writes="nuScenes tracking results, one JSON file", write=_write_nuscenes, suffix=".json"),
-    "openlabel": Export(writes="ASAM OpenLABEL 1.0, one JSON file", write=_write_openlabel, suffix=".json"),
-    "openpcdet": Export(
-        writes="OpenPCDet custom data set: points/*.npy, labels/*.txt, ImageSets", write=_write_openpcdet
-    ),
-    "mmdet3d": Export(writes="MMDetection3D data set: points/*.bin, infos_*.pkl", write=_write_mmdet3d),
+    "kitti_tracking": Export("KITTI tracking text: label_02/*.txt, calib/*.txt", _write_kitti),
+    "nuscenes": Export("nuScenes tracking results, one JSON file", _write_nuscenes, suffix=".json"),
+    "openlabel": Export("ASAM OpenLABEL 1.0, one JSON file", _write_openlabel, suffix=".json"),
+    "openpcdet": Export("OpenPCDet custom data set: points/*.npy, labels/*.txt, ImageSets", _write_openpcdet),
+    "mmdet3d": Export("MMDetection3D data set: points/*.bin, infos_*.pkl", _write_mmdet3d),
 }

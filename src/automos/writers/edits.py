@@ -4,9 +4,10 @@ Both give boxes in the scans' upright frames, as they were exported. SUSTechPOIN
 renumbers them, so its tracks are recognised by the places of their boxes.
 """
 
-from collections import Counter
-from collections.abc import Iterable
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -75,11 +76,11 @@ def _read_sustech(folder: Path, run: RunFiles) -> dict[int, EditedScan]:
     files = {path.stem: path for path in folder.glob("[!.]*.json")}
     require_known(files, run, folder)
     found = {index: _boxes_in(files[name]) for index, name in enumerate(run.names) if name in files}
-    ids = _Ids(run, [name for boxes in found.values() for name, _ in boxes])
+    tracks = _tracks_called([name for boxes in found.values() for name, _ in boxes], run)
     edits: dict[int, EditedScan] = {index: {} for index in found}
     for index, boxes in found.items():
         for name, box in boxes:
-            track = ids.of(name)
+            track = next(tracks)
             if track in edits[index]:
                 path = files[run.names[index]]
                 raise InputError(f"{path} has two boxes with obj_id {name!r}; give each object its own")
@@ -115,26 +116,13 @@ def _xyz(values: dict[str, Any]) -> tuple[float, float, float]:
     return float(values["x"]), float(values["y"]), float(values["z"])
 
 
-class _Ids:
-    """Track ids of what a tool calls its objects: numbers are kept, other names and none get new ones."""
-
-    def __init__(self, run: RunFiles, names: list[str]) -> None:
-        numbers = [self._number(name) for name in names]
-        self._next = max([*run.tracks, *numbers], default=0) + 1
-        self._of: dict[str, int] = {}
-
-    def of(self, name: str) -> int:
-        track = self._number(name) or self._of.get(name, self._next)
-        if track == self._next:
-            self._next += 1
-            if name:
-                self._of[name] = track
-        return track
-
-    @staticmethod
-    def _number(name: str) -> int:
-        """Return `name` as a number, 0 where it is none."""
-        return int(name) if name.isascii() and name.isdecimal() else 0
+def _tracks_called(names: list[str], run: RunFiles) -> Iterator[int]:
+    """Yield the track of each of `names`: numbers are kept, other names, and boxes without one, get new ones."""
+    numbers = [int(name) if name.isascii() and name.isdecimal() else 0 for name in names]
+    new = count(max([*run.tracks, *numbers], default=0) + 1)
+    track_of: defaultdict[str, int] = defaultdict(lambda: next(new))
+    for name, number in zip(names, numbers, strict=True):
+        yield number or (track_of[name] if name else next(new))
 
 
 # ---------------------------------------------------------------------------------------------------------- CVAT
@@ -145,21 +133,18 @@ def _boxes_of(document: Datumaro, path: Path, run: RunFiles) -> dict[int, Edited
     if len(items) < len(document.items):
         raise InputError(f"{path} has the boxes of a scan twice; export it from CVAT again")
     require_known(items, run, path)
-    n_shapes = 0
-    edits: dict[int, EditedScan] = {}
-    for index, name in enumerate(run.names):
-        if name not in items:
-            continue
-        edits[index] = {}
+    shapes = count(-1, -1)
+    edits: dict[int, EditedScan] = {index: {} for index, name in enumerate(run.names) if name in items}
+    for index, scan in edits.items():
+        name = run.names[index]
         for box in items[name].cuboids:
-            n_shapes += 1
-            track = -n_shapes if box.attributes.track_id is None else box.attributes.track_id
-            if track in edits[index]:
+            track = next(shapes) if box.attributes.track_id is None else box.attributes.track_id
+            if track in scan:
                 raise InputError(f"{path} has two boxes of track {track} in scan {name!r}; give each object its own")
             if box.label_id >= len(names):
                 raise InputError(f"{path} has a box of class {box.label_id}, but names {len(names)}; export it again")
             center, size, rotation = tuple(box.position), tuple(box.scale), tuple(box.rotation)
-            edits[index][track] = _make_box(center, size, rotation, names[box.label_id], path)
+            scan[track] = _make_box(center, size, rotation, names[box.label_id], path)
     return edits
 
 
@@ -173,14 +158,11 @@ def _recognise(edits: dict[int, EditedScan], run: RunFiles) -> dict[int, EditedS
             if len(overlap) and overlap.max() > SAME_OBJECT:
                 votes[track, int(found.ids[overlap.argmax()])] += 1
     known: dict[int, int] = {}
-    taken: set[int] = set()
     for (track, original), _ in sorted(votes.items(), key=lambda item: (-item[1], item[0])):
-        if track not in known and original not in taken:
+        if track not in known and original not in known.values():
             known[track] = original
-            taken.add(original)
-    new = max(run.tracks, default=0) + 1
-    for track in sorted({track for scan in edits.values() for track in scan} - known.keys()):
-        known[track], new = new, new + 1
+    others = sorted({track for scan in edits.values() for track in scan} - known.keys())
+    known |= zip(others, count(max(run.tracks, default=0) + 1), strict=False)
     return {index: {known[track]: box for track, box in scan.items()} for index, scan in edits.items()}
 
 

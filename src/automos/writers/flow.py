@@ -20,15 +20,16 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.atomic import atomic_path
+from automos.core.atomic import atomic_path, write_bytes
 from automos.core.errors import InputError
 from automos.core.geometry import inverse, transform
 from automos.core.labels import Label
 from automos.core.scan import Pose, Sequence
 from automos.evaluation.flow import DYNAMIC, FlowCounts, evaluate_flow
 from automos.readers.formats import import_extra
+from automos.results.open_run import runs_in
 from automos.results.run_files import RunFiles
-from automos.writers.formats import Export, intensity_of
+from automos.writers.formats import Export, intensity_of, microseconds
 
 Motion = npt.NDArray[np.float32]
 
@@ -90,17 +91,11 @@ def score_flow(results: Path, sequences: Iterable[Sequence]) -> FlowCounts | Non
     ----------
     results : as `evaluate_recordings` takes it.
     """
-    sequences = list(sequences)
     total = None
-    for sequence in sequences:
-        if all(sequence.truth_motion(i) is None for i in range(len(sequence) - 1)):
-            continue
-        folder = results if len(sequences) == 1 else results / sequence.name
-        if not (folder / "tracks.json").exists() or not (folder / "poses.txt").exists():
-            continue
-        run = RunFiles(folder, sequence)
+    has_truth = lambda s: any(s.truth_motion(i) is not None for i in range(len(s) - 1))  # noqa: E731
+    for run in runs_in(results, list(sequences), has_truth):
         try:
-            counts = evaluate_flow(sequence, lambda i, run=run: scan_flow(run, i).own)  # type: ignore[misc]
+            counts = evaluate_flow(run.sequence, lambda i, run=run: scan_flow(run, i).own)  # type: ignore[misc]
         except InputError:
             continue  # labels without instances, of a run whose stages are gone
         total = counts if total is None else total + counts
@@ -116,8 +111,7 @@ def timestamps(run: RunFiles) -> list[str]:
         counts = np.array([float(name) for name in run.names])
         if not np.allclose(1e-6 * counts, run.stamps, rtol=0.0, atol=1e-3):
             return list(run.names)
-    micro = np.round(1e6 * (run.stamps - min(0.0, float(run.stamps[0])))).astype(np.int64)
-    return [str(1000 * int(value)) for value in micro]
+    return [str(1000 * value) for value in microseconds(run).tolist()]
 
 
 def _write_av2(run: RunFiles, out: Path) -> None:
@@ -144,7 +138,6 @@ CATEGORIES = np.array([19, 11, 4, 17, 19], np.uint8)
 def _write_opensceneflow(run: RunFiles, out: Path) -> None:
     """Write `out / <recording>.h5`, index_total.pkl (all scans) and index_flow.pkl (all but the last) into `out`."""
     h5py = import_extra("h5py", "flow")
-    out.mkdir(parents=True, exist_ok=True)
     name, stamps = run.sequence.name, timestamps(run)
     # its loader finds a recording's last scan by comparing these as text: 1 s comes after 0.9 s
     width = max(map(len, stamps))
@@ -155,9 +148,8 @@ def _write_opensceneflow(run: RunFiles, out: Path) -> None:
             for key, values in _group(run, index).items():
                 file.create_dataset(f"{stamps[index]}/{key}", data=values)
     rows = [[name, stamp] for stamp in stamps]
-    for index_file, listed in (("index_total.pkl", rows), ("index_flow.pkl", rows[:-1])):
-        with atomic_path(out / index_file) as temporary, temporary.open("wb") as file:
-            pickle.dump(listed, file)
+    write_bytes(out / "index_total.pkl", pickle.dumps(rows))
+    write_bytes(out / "index_flow.pkl", pickle.dumps(rows[:-1]))
 
 
 def _group(run: RunFiles, index: int) -> dict[str, np.ndarray]:
@@ -189,16 +181,8 @@ def _group(run: RunFiles, index: int) -> dict[str, np.ndarray]:
 
 
 EXPORTS = {
-    "flow-av2": Export(
-        writes="scene flow: LOG/TIMESTAMP.feather, as Argoverse 2 scores it",
-        write=_write_av2,
-        needs="arrow",
-        modules=("pyarrow",),
-    ),
+    "flow-av2": Export("scene flow: LOG/TIMESTAMP.feather, as Argoverse 2 scores it", _write_av2, needs="arrow"),
     "opensceneflow": Export(
-        writes="scene flow: RECORDING.h5, index_*.pkl, as OpenSceneFlow loads it",
-        write=_write_opensceneflow,
-        needs="flow",
-        modules=("h5py",),
+        "scene flow: RECORDING.h5, index_*.pkl, as OpenSceneFlow loads it", _write_opensceneflow, needs="flow"
     ),
 }

@@ -1,11 +1,7 @@
-"""The declaration of a writer, what it writes and how; and the frame of most of them: named columns of each point.
+"""The declaration of a writer, what it writes and how; and what most of them write: named columns of each point."""
 
-LAS stores coordinates as multiples of a step, here a tenth of a millimetre. Coordinates that are not finite, or too
-large for that, become 0, 0, 0, as drivers write "no return". The label is the classification and, with the instance, an
-extra dimension.
-"""
-
-import io
+import hashlib
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.atomic import write_bytes
+from automos.core.atomic import atomic_path, write_bytes
 from automos.core.claims import SIGN
 from automos.core.geometry import quaternion_of
 from automos.core.scan import Mask, Points, Pose, Scan
@@ -21,6 +17,12 @@ from automos.readers.columns import Columns
 from automos.readers.formats import import_extra
 from automos.readers.point_cloud2 import packed_rows
 from automos.results.run_files import RunFiles
+
+_MODULES_OF = {
+    "arrow": ("pyarrow",), "flow": ("h5py",), "las": ("laspy", "lazrs"), "ncore": ("ncore", "upath"),
+    "ros": ("rosbags",),
+}  # fmt: skip
+"""What writers import of each extra."""
 
 
 @dataclass(frozen=True)
@@ -30,9 +32,9 @@ class Export:
     Attributes
     ----------
     writes : what it makes, in one line.
-    write : takes a run and the folder (or file) to write; what is there already is replaced.
+    write : takes a run and the folder (or file) to write; that folder, or the file's, is there. What it holds already
+        is replaced.
     needs : the extra to install, None where the core suffices.
-    modules : what it imports of that extra; looked for before anything is made.
     suffix : of the one file it writes; empty where it writes a folder.
     sign : what that file has in it, by which it is known to be ours.
     is_of_points : whether it holds the recording's points as they are, so that they can be asked for deskewed.
@@ -44,12 +46,16 @@ class Export:
     writes: str
     write: Callable[[RunFiles, Path], None]
     needs: str | None = None
-    modules: tuple[str, ...] = ()
     suffix: str = ""
     sign: bytes = SIGN
     is_of_points: bool = False
     per_scan: tuple[str, ...] = ()
     name_of: Callable[[str], str] = str
+
+    @property
+    def modules(self) -> tuple[str, ...]:
+        """What it imports of the extra."""
+        return _MODULES_OF.get(self.needs or "", ())
 
     def require(self) -> None:
         """Raise MissingExtraError where what it imports is not installed."""
@@ -61,6 +67,28 @@ def make_folders(out: Path, *names: str) -> None:
     """Make folders below `out` where they are not there."""
     for name in names:
         (out / name).mkdir(parents=True, exist_ok=True)
+
+
+def copy_file(source: Path, target: Path) -> None:
+    """Copy a file, whole or not at all."""
+    with atomic_path(target) as temporary:
+        shutil.copyfile(source, temporary)
+
+
+def token_of(run: RunFiles, *parts: object) -> str:
+    """Return 32 hexadecimal digits that name `parts` of the recording, the same whenever the same thing is named."""
+    return hashlib.sha256(repr((run.sequence.name, *parts)).encode()).hexdigest()[:32]
+
+
+def scalar_first(T: Pose) -> list[float]:
+    """Return the rotation of `T` (4, 4) as nuScenes has it: w, x, y, z."""
+    rotation: list[float] = np.roll(quaternion_of(T), 1).round(9).tolist()
+    return rotation
+
+
+def microseconds(run: RunFiles) -> npt.NDArray[np.int64]:
+    """Return (len(run),) the scans' times, from 0 on where the first is before it."""
+    return np.round(1e6 * (run.stamps - min(0.0, float(run.stamps[0])))).astype(np.int64)
 
 
 def point_columns(run: RunFiles, index: int) -> Columns:
@@ -87,11 +115,8 @@ def point_columns(run: RunFiles, index: int) -> Columns:
 def scan_columns(scan: Scan, points: Points) -> Columns:
     """Return x, y, z of `points` and what else `scan` has, each (N,)."""
     columns: Columns = {axis: points[:, k] for k, axis in enumerate("xyz")}
-    for name in ("intensity", "time", "ring"):
-        column = getattr(scan, name)
-        if column is not None:
-            columns[name] = column
-    return columns
+    others = {name: getattr(scan, name) for name in ("intensity", "time", "ring")}
+    return columns | {name: column for name, column in others.items() if column is not None}
 
 
 def intensity_of(scan: Scan) -> npt.NDArray[np.float32]:
@@ -125,6 +150,12 @@ def pcd_bytes(columns: Columns, T_world_sensor: Pose | None = None) -> bytes:
     return pcd_header({name: rows.dtype[name] for name in columns}, len(rows), T_world_sensor) + rows.tobytes()
 
 
+def ply_bytes(columns: Columns) -> bytes:
+    """Return `columns`, each (N,), as one binary PLY file."""
+    rows = packed_rows(columns)
+    return ply_header({name: rows.dtype[name] for name in columns}, len(rows)) + rows.tobytes()
+
+
 def ply_header(kinds: dict[str, np.dtype], n_points: int | str) -> bytes:
     """Return the header of a binary PLY file of columns of some `kinds`."""
     properties = "".join(f"property {_PLY_TYPES[kind.str[1:]]} {name}\n" for name, kind in kinds.items())
@@ -146,58 +177,3 @@ def pcd_header(kinds: dict[str, np.dtype], n_points: int | str, T_world_sensor: 
         f"COUNT {' '.join('1' for _ in kinds)}\n"
         f"WIDTH {n_points}\nHEIGHT 1\nVIEWPOINT {viewpoint}\nPOINTS {n_points}\nDATA binary\n"
     ).encode()
-
-
-STEP = 1e-4
-"""Metres: the grid of the coordinates."""
-REACH = (2**31 - 1) * STEP
-"""Metres that 32 bits reach: 214 km."""
-
-
-def laz_packer(run: RunFiles) -> Callable[[int], bytes]:
-    """Return what packs the scans of `run`: all in one unit of intensity."""
-    laspy = import_extra("laspy", "las")
-    scale = _intensity_scale(run)
-
-    def packed(index: int) -> bytes:
-        columns = point_columns(run, index)
-        header = laspy.LasHeader(version="1.4", point_format=6)
-        header.scales, header.offsets = np.full(3, STEP), np.zeros(3)
-        extra = {name: columns[name] for name in ("label", "ring", "instance") if name in columns}
-        header.add_extra_dims([laspy.ExtraBytesParams(name, column.dtype) for name, column in extra.items()])
-        las = laspy.LasData(header)
-        xyz = np.column_stack([columns[axis] for axis in "xyz"])
-        xyz = np.where((np.abs(xyz) < REACH).all(axis=1)[:, None], xyz, np.float32(0.0))
-        las.x, las.y, las.z = xyz.astype(np.float64).T
-        if "label" in columns:
-            las.classification = columns["label"].astype(np.uint8)
-        if "intensity" in columns:
-            las.intensity = _to_16_bits(columns["intensity"], scale)
-        if "time" in columns:
-            las.gps_time = columns["time"].astype(np.float64) + run.stamps[index]
-        for name, column in extra.items():
-            las[name] = column
-        content = io.BytesIO()  # what packs does not tell a full disk from other faults
-        las.write(content, do_compress=True)
-        return content.getvalue()
-
-    return packed
-
-
-def _intensity_scale(run: RunFiles) -> float:
-    """Return what intensities are multiplied by, the same in all scans: 65535 where none is above 1, else 1.
-
-    Of counts, the first scan shows it, and no other is read.
-    """
-    found = (run.scan(index).intensity for index in range(len(run)))
-    are_shares = all(intensity is None or not (_finite(intensity) > 1.0).any() for intensity in found)
-    return 65535.0 if are_shares else 1.0
-
-
-def _to_16_bits(intensity: np.ndarray, scale: float) -> np.ndarray:
-    """Return (N,) uint16: intensities times `scale`, in bounds."""
-    return np.clip(np.round(_finite(intensity) * scale), 0, 65535).astype(np.uint16)
-
-
-def _finite(intensity: np.ndarray) -> np.ndarray:
-    return np.nan_to_num(intensity, nan=0.0, posinf=0.0, neginf=0.0)

@@ -23,7 +23,7 @@ from automos.results.point_files import count_points, no_points
 from automos.results.run_files import RunFiles
 from automos.results.tracks_file import VERDICTS
 from automos.writers.edits import EditedScan, read_edits, require_known
-from automos.writers.relabel import Change, compare, relabel
+from automos.writers.relabel import compare, relabel
 
 
 @dataclass
@@ -102,6 +102,10 @@ def _remove_others(out: Path, names: list[str]) -> None:
             remove(path)
 
 
+PerPoint = tuple[npt.NDArray[np.uint8], npt.NDArray[np.int64]]
+"""Label and instance of each point of a scan."""
+
+
 def _write_labels(
     run: RunFiles, corrected: Path | None, edits: dict[int, EditedScan], out: Path
 ) -> tuple[Merged, dict[str, int]]:
@@ -115,7 +119,8 @@ def _write_labels(
             after = _from_file(corrected / f"{run.names[index]}.label", before)
         elif index in edits:
             changes = compare(run.boxes_upright(index), edits[index])
-            _count_boxes(changes, merged)
+            for change in changes:
+                merged.boxes.update(change.kinds or ["unchanged"])
             after = relabel(run.points_upright(scan, index), scan.is_valid, *before, changes)
         else:
             after = before
@@ -125,9 +130,7 @@ def _write_labels(
     return merged, counts
 
 
-def _from_file(
-    path: Path, before: tuple[npt.NDArray[np.uint8], npt.NDArray[np.int64]]
-) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.int64]]:
+def _from_file(path: Path, before: PerPoint) -> PerPoint:
     """Return the labels in a corrected file, of any SemanticKITTI class; without ids, points that move keep theirs."""
     if not is_there(path):
         return before
@@ -135,11 +138,6 @@ def _from_file(
     label = to_mos(packed)
     own = (packed >> 16).astype(np.int64)
     return label, np.where(label == Label.MOVING, own if own.any() else before[1], 0)
-
-
-def _count_boxes(changes: list[Change], merged: Merged) -> None:
-    for change in changes:
-        merged.boxes.update(change.kinds or ["unchanged"])
 
 
 def _count_changes(before: npt.NDArray[np.uint8], after: npt.NDArray[np.uint8], merged: Merged) -> None:
@@ -179,18 +177,16 @@ def _tracks(run: RunFiles, edits: dict[int, EditedScan]) -> dict[str, Any]:
     touched: set[int] = set()
     before = {(track["id"], box["scan"]): box for track in run.tracks_file["tracks"] for box in track["boxes"]}
     for index in range(len(run)):
-        found = run.boxes_upright(index)
-        edited = edits.get(index)
-        for change in compare(found, edited) if edited is not None else _unchanged(found):
+        for change in compare(run.boxes_upright(index), edits.get(index)):
             touched |= {change.track} if change.kinds else set()
             if change.after is None:
                 continue
             box = before.get((change.track, index), {"observed": True, "velocity": [0.0, 0.0, 0.0]})
             if change.kinds:
                 level = change.after.to_boxes().transformed(run.T_level_upright(index))
-                shape = {"center": level.center[0], "size": level.size[0]}
-                box = {**box, **{key: value.round(3).tolist() for key, value in shape.items()}}
-                box.update(scan=index, stamp=round(float(run.stamps[index]), 6), yaw=round(float(level.yaw[0]), 3))
+                center, size, yaw = (column[0].round(3).tolist() for column in (level.center, level.size, level.yaw))
+                stamp = round(float(run.stamps[index]), 6)
+                box = {**box, "center": center, "size": size, "scan": index, "stamp": stamp, "yaw": yaw}
             boxes.setdefault(change.track, []).append(box)
             verdicts.setdefault(change.track, Counter())[VERDICTS[change.after.verdict]] += 1
     known = {track["id"]: track for track in run.tracks_file["tracks"]}
@@ -200,8 +196,3 @@ def _tracks(run: RunFiles, edits: dict[int, EditedScan]) -> dict[str, Any]:
         sure = {"id": track, "verdict": verdict, "confidence": 1.0, "p_moved": float(verdict == "moving")}
         tracks.append({**(sure if track in touched else known[track]), "boxes": boxes[track]})
     return {**run.tracks_file, "tracks": tracks}
-
-
-def _unchanged(found: Any) -> list[Change]:
-    changes = compare(found, {})
-    return [Change(change.track, change.before, change.before) for change in changes]

@@ -4,9 +4,9 @@ The world is the level frame: z up, the ground under the first scan at 0. The se
 sample. Boxes are of what moves. Tables have what TIER IV's T4 asks for beside, which the devkit leaves alone.
 """
 
-import hashlib
 import json
 from collections import defaultdict
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,11 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from automos.core.atomic import atomic_path, write_raw, write_text
-from automos.core.geometry import quaternion_of
 from automos.core.labels import Label
 from automos.core.scan import Pose
 from automos.results.run_files import RunFiles
-from automos.writers.formats import Export, intensity_of, make_folders
+from automos.writers.formats import Export, intensity_of, make_folders, microseconds, scalar_first, token_of
 
 _CATEGORIES = (
     "noise", "static.other",
@@ -27,8 +26,10 @@ _CATEGORIES = (
 """By their index, in names that the devkit has colours for: no label, static, what moves by its `Kind`."""
 _FIRST_KIND = 2
 _ATTRIBUTES = ("vehicle.moving", "pedestrian.moving", "cycle.with_rider")
-_ATTRIBUTE_OF_KIND = (0, 0, 2, 1, None)
+_ATTRIBUTES_OF_KIND = ((0,), (0,), (2,), (1,), ())
 _LEVELS = {"full": "v80-100", "none": "v0-40"}
+Name = Callable[..., str]
+"""Returns the token of what its arguments name."""
 Tables = dict[str, list[dict[str, Any]]]
 
 
@@ -42,49 +43,39 @@ class Layout(NamedTuple):
 
 
 _NUSCENES = Layout("v1.0-automos", "samples/LIDAR_TOP", "LIDAR_TOP", "date_captured")
+_T4 = Layout("annotation", "data/LIDAR_CONCAT", "LIDAR_CONCAT", "data_captured")
 
 
-def write(run: RunFiles, out: Path, layout: Layout = _NUSCENES) -> None:
+def _write(layout: Layout, run: RunFiles, out: Path) -> None:
     """Write the root of a data set to `out`, with one scene, named after the recording."""
+    from PIL import Image
+
     lidarseg = f"lidarseg/{layout.tables}"
     make_folders(out, layout.tables, layout.clouds, lidarseg, "maps")
-    name = _Tokens(run.sequence.name)
+    name = partial(token_of, run)
     tables: Tables = defaultdict(list, _fixed_tables(run, name, layout))
-    micro = np.round(1e6 * (run.stamps - min(0.0, float(run.stamps[0])))).astype(np.int64).tolist()
+    micro = microseconds(run).tolist()
     for index in run.each("writing tables"):
         cloud, classes = f"{layout.clouds}/{index:06d}.pcd.bin", f"{lidarseg}/{name('data', index)}_lidarseg.bin"
         for file, values in zip((cloud, classes), _points(run, index), strict=True):
             write_raw(out / file, values)
-        for table, row in _rows_of_scan(run, index, name, micro[index], cloud).items():
+        for table, row in _rows_of_scan(run, index, name, micro[index], cloud, classes).items():
             tables[table].append(row)
-        tables["lidarseg"].append(
-            {"token": name("data", index), "sample_data_token": name("data", index), "filename": classes}
-        )
         tables["sample_annotation"] += _boxes(run, index, name)
-    tables["instance"] = _chained(tables["sample_annotation"], name)
-    with atomic_path(out / "maps" / "empty.png") as temporary:
-        _draw_nothing(temporary)
+    tables["instance"] = _chained(tables["sample_annotation"], run.sequence.name)
+    with atomic_path(out / "maps" / "empty.png") as temporary:  # a map on which nothing is: the devkit asks for one
+        Image.new("L", (1, 1)).save(temporary, "PNG")
     for table, rows in tables.items():
         write_text(out / layout.tables / f"{table}.json", json.dumps(rows, indent=0))
 
 
-class _Tokens:
-    """Tokens of 32 hexadecimal digits, the same whenever the same thing is named."""
-
-    def __init__(self, recording: str):
-        self.recording = recording
-
-    def __call__(self, *parts: object) -> str:
-        return hashlib.sha256(repr((self.recording, *parts)).encode()).hexdigest()[:32]
-
-
-def _fixed_tables(run: RunFiles, name: _Tokens, layout: Layout) -> Tables:
+def _fixed_tables(run: RunFiles, name: Name, layout: Layout) -> Tables:
     """Return the tables that have a row or some, however long the recording is."""
-    last = len(run) - 1
-    scene = {"token": name("scene"), "log_token": name("log"), "name": name.recording, "nbr_samples": len(run)}
+    recording, last = run.sequence.name, len(run) - 1
+    scene = {"token": name("scene"), "log_token": name("log"), "name": recording, "nbr_samples": len(run)}
     scene |= {"first_sample_token": name("sample", 0), "last_sample_token": name("sample", last)}
     mount = {"token": name("mount"), "sensor_token": name("sensor"), **_pose(np.eye(4)), "camera_intrinsic": []}
-    log = {"token": name("log"), "logfile": name.recording, "vehicle": "", "location": ""}
+    log = {"token": name("log"), "logfile": recording, "vehicle": "", "location": ""}
     chart = {"token": name("map"), "log_tokens": [name("log")], "category": "semantic_prior"}
     return {
         "category": [
@@ -102,8 +93,17 @@ def _fixed_tables(run: RunFiles, name: _Tokens, layout: Layout) -> Tables:
     }
 
 
-def _rows_of_scan(run: RunFiles, index: int, name: _Tokens, micro: int, file: str) -> dict[str, dict[str, Any]]:
-    chain = {kind: _chain(name, kind, index, len(run)) for kind in ("sample", "data")}
+def _rows_of_scan(
+    run: RunFiles, index: int, name: Name, micro: int, cloud: str, classes: str
+) -> dict[str, dict[str, Any]]:
+    """Return the row of scan `index` in each table that has one of every scan; `cloud` and `classes` are its files."""
+    chain = {
+        kind: {
+            "prev": name(kind, index - 1) if index else "",
+            "next": name(kind, index + 1) if index + 1 < len(run) else "",
+        }
+        for kind in ("sample", "data")
+    }
     return {
         "ego_pose": {"token": name("pose", index), "timestamp": micro, **_pose(run.T_level_sensor(index))},
         "sample": {"token": name("sample", index), "timestamp": micro, "scene_token": name("scene"), **chain["sample"]},
@@ -117,19 +117,15 @@ def _rows_of_scan(run: RunFiles, index: int, name: _Tokens, micro: int, file: st
             "is_key_frame": True,
             "height": 0,
             "width": 0,
-            "filename": file,
+            "filename": cloud,
             **chain["data"],
         },
+        "lidarseg": {"token": name("data", index), "sample_data_token": name("data", index), "filename": classes},
     }
 
 
-def _chain(name: _Tokens, kind: str, index: int, count: int) -> dict[str, str]:
-    before = name(kind, index - 1) if index else ""
-    return {"prev": before, "next": name(kind, index + 1) if index + 1 < count else ""}
-
-
 def _pose(T: Pose) -> dict[str, list[float]]:
-    return {"translation": T[:3, 3].round(6).tolist(), "rotation": np.roll(quaternion_of(T), 1).round(9).tolist()}
+    return {"translation": T[:3, 3].round(6).tolist(), "rotation": scalar_first(T)}
 
 
 def _points(run: RunFiles, index: int) -> tuple[Any, Any]:
@@ -142,35 +138,32 @@ def _points(run: RunFiles, index: int) -> tuple[Any, Any]:
     return rows[scan.is_valid], classes[scan.is_valid].astype(np.uint8)
 
 
-def _boxes(run: RunFiles, index: int, name: _Tokens) -> list[dict[str, Any]]:
+def _boxes(run: RunFiles, index: int, name: Name) -> list[dict[str, Any]]:
     """Return the boxes of scan `index`, as far as it alone says."""
     instances = run.instances(index, len(run.scan(index)))
-    found = []
-    for box in run.boxes_level(index).moving:
-        attribute = _ATTRIBUTE_OF_KIND[box.kind]
-        found.append(
-            {
-                "token": name("box", box.id, index),
-                "sample_token": name("sample", index),
-                "instance_token": name("object", box.id),
-                "category_token": name("category", box.kind + _FIRST_KIND),
-                "visibility_token": "full" if box.is_observed else "none",
-                "attribute_tokens": [] if attribute is None else [name("attribute", attribute)],
-                **_pose(box.pose),
-                "size": box.size[[1, 0, 2]].round(4).tolist(),
-                "velocity": box.velocity.round(4).tolist(),
-                "num_lidar_pts": int((instances == box.id).sum()),
-                "num_radar_pts": 0,
-                "prev": "",
-                "next": "",
-                "automatic_annotation": True,
-                "autolabel_metadata": [{"name": "automos", "score": box.score, "uncertainty": None}],
-            }
-        )
-    return found
+    return [
+        {
+            "token": name("box", box.id, index),
+            "sample_token": name("sample", index),
+            "instance_token": name("object", box.id),
+            "category_token": name("category", box.kind + _FIRST_KIND),
+            "visibility_token": "full" if box.is_observed else "none",
+            "attribute_tokens": [name("attribute", k) for k in _ATTRIBUTES_OF_KIND[box.kind]],
+            **_pose(box.pose),
+            "size": box.size[[1, 0, 2]].round(4).tolist(),
+            "velocity": box.velocity.round(4).tolist(),
+            "num_lidar_pts": int((instances == box.id).sum()),
+            "num_radar_pts": 0,
+            "prev": "",
+            "next": "",
+            "automatic_annotation": True,
+            "autolabel_metadata": [{"name": "automos", "score": box.score, "uncertainty": None}],
+        }
+        for box in run.boxes_level(index).moving
+    ]
 
 
-def _chained(boxes: list[dict[str, Any]], name: _Tokens) -> list[dict[str, Any]]:
+def _chained(boxes: list[dict[str, Any]], recording: str) -> list[dict[str, Any]]:
     """Return the objects of `boxes`, which are in the order of time; link the boxes of each."""
     objects: dict[str, list[dict[str, Any]]] = defaultdict(list)
     categories = {box["instance_token"]: box.pop("category_token") for box in boxes}
@@ -183,7 +176,7 @@ def _chained(boxes: list[dict[str, Any]], name: _Tokens) -> list[dict[str, Any]]
         {
             "token": token,
             "category_token": categories[token],
-            "instance_name": f"{name.recording}::{token}",
+            "instance_name": f"{recording}::{token}",
             "nbr_annotations": len(rows),
             "first_annotation_token": rows[0]["token"],
             "last_annotation_token": rows[-1]["token"],
@@ -192,17 +185,7 @@ def _chained(boxes: list[dict[str, Any]], name: _Tokens) -> list[dict[str, Any]]
     ]
 
 
-def _draw_nothing(path: Path) -> None:
-    """Write the picture of a map on which nothing is: the devkit asks for one."""
-    from PIL import Image
-
-    Image.new("L", (1, 1)).save(path, "PNG")
-
-
 EXPORTS = {
-    "nuscenes-tables": Export(writes="nuScenes data set: v1.0-automos/*.json, samples, lidarseg", write=write),
-    "t4": Export(
-        writes="TIER IV T4 data set: annotation/*.json, data/LIDAR_CONCAT, lidarseg",
-        write=partial(write, layout=Layout("annotation", "data/LIDAR_CONCAT", "LIDAR_CONCAT", "data_captured")),
-    ),
+    "nuscenes-tables": Export("nuScenes data set: v1.0-automos/*.json, samples, lidarseg", partial(_write, _NUSCENES)),
+    "t4": Export("TIER IV T4 data set: annotation/*.json, data/LIDAR_CONCAT, lidarseg", partial(_write, _T4)),
 }

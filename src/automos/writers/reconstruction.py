@@ -41,7 +41,6 @@ def _write_ncore(run: RunFiles, out: Path) -> None:
     v4, upath = import_extra("ncore.data.v4", "ncore"), import_extra("upath", "ncore")
     interval = import_extra("ncore.impl.common.transformations", "ncore").HalfClosedInterval
     times, poses = _sweeps(run)
-    out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=out, prefix=".automos-") as scratch:
         whole, name = interval.from_start_end(int(times[0, 0]), int(times[-1, -1])), run.sequence.name
         store = v4.SequenceComponentGroupsWriter(upath.UPath(scratch), name, name, whole, {"labelled by": "automos"})
@@ -217,14 +216,8 @@ def _write_masks(
 
 
 EXPORTS = {
-    "ncore": Export(
-        writes="NVIDIA NCore v4: RECORDING.ncore4.zarr.itar, tracks of boxes",
-        write=_write_ncore,
-        needs="ncore",
-        modules=("ncore", "upath"),
-    ),
+    "ncore": Export("NVIDIA NCore v4: RECORDING.ncore4.zarr.itar, tracks of boxes", _write_ncore, needs="ncore"),
     "drivestudio": Export(
-        writes="drivestudio's processed scene: images, lidar, ego_pose, instances, dynamic_masks",
-        write=_write_drivestudio,
+        "drivestudio's processed scene: images, lidar, ego_pose, instances, dynamic_masks", _write_drivestudio
     ),
 }

@@ -42,14 +42,15 @@ class Change:
         return ["moved"] * bool(is_moved) + ["verdict"] * (self.after.verdict != self.before.verdict)
 
 
-def compare(found: ScanBoxes, edited: EditedScan) -> list[Change]:
-    """Return what was done to each box of a scan, by track id, boxes that are as they were included."""
+def compare(found: ScanBoxes, edited: EditedScan | None) -> list[Change]:
+    """Return what was done to each box of a scan, by track id, boxes that are as they were included.
+
+    edited : None where the tool left the scan out: nothing was.
+    """
     before = {
-        int(found.ids[k]): EditedBox(
-            tuple(found.boxes.center[k]), tuple(found.boxes.size[k]), float(found.boxes.yaw[k]), int(found.verdict[k])
-        )
-        for k in range(len(found))
+        box.id: EditedBox(tuple(box.center), tuple(box.size), box.yaw, VERDICTS.index(box.verdict)) for box in found
     }
+    edited = before if edited is None else edited
     return [Change(track, before.get(track), edited.get(track)) for track in sorted({*before, *edited})]
 
 

@@ -13,7 +13,6 @@ import io
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,64 +22,33 @@ from automos.core.claims import SIGN
 from automos.core.errors import InputError
 from automos.core.geometry import inverse, transform
 from automos.core.labels import Label, pack
-from automos.readers.columns import Columns
 from automos.readers.formats import import_extra
-from automos.readers.point_cloud2 import cloud_message, packed_rows
+from automos.readers.point_cloud2 import cloud_message
 from automos.results.run_files import RunFiles
-from automos.writers.formats import (
-    Export,
-    laz_packer,
-    make_folders,
-    pcd_bytes,
-    pcd_header,
-    ply_header,
-    point_columns,
-    write_pcd,
-)
+from automos.writers.formats import Export, make_folders, pcd_bytes, pcd_header, ply_bytes, point_columns, write_pcd
 
-Packer = Callable[[RunFiles], Callable[[int], bytes]]
-"""Takes a run and returns what packs its scans, by their numbers."""
-
-
-def _export(suffix: str, holds: str, packer: Packer, is_of_points: bool = False, **needs: Any) -> Export:
-    def write(run: RunFiles, out: Path) -> None:
-        packed = packer(run)
-        out.mkdir(parents=True, exist_ok=True)
-        for index in run.each(f"writing {suffix}"):
-            write_bytes(out / f"{run.names[index]}{suffix}", packed(index))
-
-    return Export(f"folder of {suffix}: {holds}", write, is_of_points=is_of_points, per_scan=(f"*{suffix}",), **needs)
-
-
-def _of_columns(content: Callable[[Columns], bytes]) -> Packer:
-    """Return what packs scans whose `content` is their columns."""
-    return lambda run: lambda index: content(point_columns(run, index))
-
-
-def _ply_bytes(columns: Columns) -> bytes:
-    rows = packed_rows(columns)
-    return ply_header({name: rows.dtype[name] for name in columns}, len(rows)) + rows.tobytes()
-
-
-def _panoptic(run: RunFiles) -> Callable[[int], bytes]:
-    def packed(index: int) -> bytes:
-        n_points = len(run.scan(index))
-        return pack(run.labels(index, n_points), run.instances(index, n_points)).tobytes()
-
-    return packed
-
-
-def _instances(run: RunFiles) -> Callable[[int], bytes]:
-    def packed(index: int) -> bytes:
-        content = io.BytesIO()
-        np.save(content, run.instances(index, len(run.scan(index))).astype(np.uint32))
-        return content.getvalue()
-
-    return packed
-
-
-_LAS = {"needs": "las", "modules": ("laspy", "lazrs")}
 _COLUMNS = "x y z intensity time ring label instance"
+
+
+def _per_scan(suffix: str, holds: str, content: Callable[[RunFiles, int], bytes], is_of_points: bool = False) -> Export:
+    """Return the declaration of files of a `suffix`, with the `content` of each scan of a run by its number."""
+
+    def write(run: RunFiles, out: Path) -> None:
+        for index in run.each(f"writing {suffix}"):
+            write_bytes(out / f"{run.names[index]}{suffix}", content(run, index))
+
+    return Export(f"folder of {suffix}: {holds}", write, is_of_points=is_of_points, per_scan=(f"*{suffix}",))
+
+
+def _panoptic(run: RunFiles, index: int) -> bytes:
+    n_points = len(run.scan(index))
+    return pack(run.labels(index, n_points), run.instances(index, n_points)).tobytes()
+
+
+def _instances(run: RunFiles, index: int) -> bytes:
+    content = io.BytesIO()
+    np.save(content, run.instances(index, len(run.scan(index))).astype(np.uint32))
+    return content.getvalue()
 
 
 TOPIC, FRAME = "/automos/points", "lidar"
@@ -91,7 +59,6 @@ def _write_mcap(run: RunFiles, out: Path) -> None:
     rosbag2, typesys = import_extra("rosbags.rosbag2", "ros"), import_extra("rosbags.typesys", "ros")
     types = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     _require_times(run)
-    out.parent.mkdir(parents=True, exist_ok=True)
     with faults_reported(out), tempfile.TemporaryDirectory(dir=out.parent, prefix=".automos-") as scratch:
         bag = Path(scratch) / "bag"
         with rosbag2.Writer(bag, version=9, storage_plugin=rosbag2.StoragePlugin.MCAP) as writer:
@@ -126,7 +93,6 @@ _TYPES = {
 def _write_parquet(run: RunFiles, out: Path) -> None:
     """Write all scans as one file `out`: scan (int32) and the columns of `point_columns`, in the scans' order."""
     arrow, parquet = import_extra("pyarrow", "arrow"), import_extra("pyarrow.parquet", "arrow")
-    out.parent.mkdir(parents=True, exist_ok=True)
     with atomic_path(out) as temporary:
         schema = arrow.schema([(name, getattr(arrow, kind)()) for name, kind in _TYPES.items()], {"comment": SIGN})
         with parquet.ParquetWriter(temporary, schema, compression="zstd") as writer:
@@ -169,30 +135,27 @@ def _in_world(run: RunFiles, index: int, T_first_sensor: npt.NDArray[np.float64]
 
 
 EXPORTS = {
-    "panoptic": _export(".label", "class below, track id in the upper 16 bits", _panoptic),
-    "instances": _export(".npy", "track id of every point, 0 for none", _instances),
-    "pcd": _export(".pcd", _COLUMNS, _of_columns(pcd_bytes), is_of_points=True),
-    "ply": _export(".ply", _COLUMNS, _of_columns(_ply_bytes), is_of_points=True),
-    "laz": _export(".laz", "classification, gps_time, extra dimensions", laz_packer, is_of_points=True, **_LAS),
+    "panoptic": _per_scan(".label", "class below, track id in the upper 16 bits", _panoptic),
+    "instances": _per_scan(".npy", "track id of every point, 0 for none", _instances),
+    "pcd": _per_scan(".pcd", _COLUMNS, lambda run, index: pcd_bytes(point_columns(run, index)), is_of_points=True),
+    "ply": _per_scan(".ply", _COLUMNS, lambda run, index: ply_bytes(point_columns(run, index)), is_of_points=True),
     "parquet": Export(
-        writes="one .parquet of all points, a row group per scan",
-        write=_write_parquet,
-        is_of_points=True,
+        "one .parquet of all points, a row group per scan",
+        _write_parquet,
         needs="arrow",
-        modules=("pyarrow",),
         suffix=".parquet",
+        is_of_points=True,
     ),
     "mcap": Export(
-        writes="ROS 2 MCAP: PointCloud2 with fields label and instance",
-        write=_write_mcap,
-        is_of_points=True,
+        "ROS 2 MCAP: PointCloud2 with fields label and instance",
+        _write_mcap,
         needs="ros",
-        modules=("rosbags",),
         suffix=".mcap",
         sign=TOPIC.encode(),
+        is_of_points=True,
     ),
     "dynamicmap": Export(
-        writes="pcd/*.pcd in the world's frame with VIEWPOINT, gt_cloud.pcd: DynamicMap_Benchmark, dufomap",
-        write=_write_dynamicmap,
+        "pcd/*.pcd in the world's frame with VIEWPOINT, gt_cloud.pcd: DynamicMap_Benchmark, dufomap",
+        _write_dynamicmap,
     ),
 }

@@ -27,7 +27,6 @@ def write(run: RunFiles, out: Path) -> None:
     files = _files_of(run)
     sequence = _number_of(run.sequence.name)
     folder = f"sequences/{sequence}/predictions/"
-    out.parent.mkdir(parents=True, exist_ok=True)
     with atomic_path(out) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.comment = SIGN
         for directory in ("sequences/", f"sequences/{sequence}/", folder):
@@ -73,6 +72,6 @@ def _copy_others(old: Path, archive: zipfile.ZipFile, without: str) -> None:
 
 EXPORTS = {
     "semantickitti": Export(
-        writes="zip for the benchmark: sequences/SS/predictions/*.label", write=write, suffix=".zip", name_of=_number_of
+        "zip for the benchmark: sequences/SS/predictions/*.label", write, suffix=".zip", name_of=_number_of
     ),
 }

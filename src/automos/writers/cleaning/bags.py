@@ -4,7 +4,6 @@ A bag in several files is written as files of the same names. What a recorder le
 """
 
 import importlib
-import shutil
 import sqlite3
 from collections import defaultdict
 from collections.abc import Callable
@@ -21,6 +20,7 @@ from automos.readers.bag_kinds import McapFile, Ros1File, SqliteFile
 from automos.readers.bag_messages import PACKETS, TYPES, BagFile
 from automos.readers.formats import import_extra
 from automos.readers.rosbag_topic import RosbagSequence
+from automos.writers.formats import copy_file
 
 Cut = Callable[[int, bytes], bytes]
 """Takes the number of a scan and its message; returns the message that is written in its place."""
@@ -38,28 +38,23 @@ class _Scans:
             if of == number:
                 self.at[chunk, place] = index
                 self.recorded[recorded].append(index)
-        self._left = set(self.at.values())
+        self.left = set(self.at.values())
 
     def index_of(self, recorded: int, raw: bytes) -> int | None:
         """Return the scan, not written yet, of a message by when it was recorded and all that it holds."""
         for index in self.recorded[recorded]:
             _, _, chunk, place = self._sequence.rows[index].tolist()
-            if index in self._left and self.file.read(chunk, place) == raw:
+            if index in self.left and self.file.read(chunk, place) == raw:
                 return index
         return None
 
     def written(self, index: int | None, raw: bytes) -> bytes:
         """Return what is written for the message of scan `index`, which is `raw` in the file: compressed if that is."""
-        if index not in self._left:
+        if index not in self.left:
             raise self.changed()
-        self._left.remove(index)
+        self.left.remove(index)
         cut = self._cut(index, self._sequence.bag.read(self._sequence.rows[index]))
         return bytes(importlib.import_module("zstandard").compress(cut)) if raw.startswith(ZSTD) else cut
-
-    def require_all(self) -> None:
-        """Raise InputError where a scan was not written."""
-        if self._left:
-            raise self.changed()
 
     def changed(self) -> InputError:
         """Return what to say where the file holds other messages than the run has labels of."""
@@ -112,12 +107,12 @@ def rewrite_bag(sequence: RosbagSequence, out: Path, cut: Cut) -> Path:
             except Exception as error:  # damage breaks the libraries in many ways
                 reason = " ".join(str(error).split()) or type(error).__name__
                 raise InputError(f"{file.path} is not written again as such ({reason}): {_OTHERWISE}") from error
-            scans.require_all()
+            if scans.left:
+                raise scans.changed()
     for beside in source.iterdir() if source.is_dir() else ():
         # its metadata, and what else was put there; not the journals of its files, which are in the copies
         if beside.is_file() and not any(beside.name.startswith(path.name) for path in sequence.bag.paths):
-            with atomic_path(folder / beside.name) as temporary:
-                shutil.copyfile(beside, temporary)
+            copy_file(beside, folder / beside.name)
     return target
 
 

@@ -4,9 +4,7 @@ In its own kind nothing but the points changes: files of the same names with the
 messages. What lies beside the scans of a folder (times, poses, calibration) is copied; true labels are not.
 """
 
-import io
 import re
-import shutil
 from collections.abc import Callable
 from enum import Enum
 from functools import partial
@@ -16,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.atomic import atomic_path, write_bytes, write_npy, write_raw, write_text
+from automos.core.atomic import write_bytes, write_npy, write_raw, write_text
 from automos.core.claims import CLEANED
 from automos.core.errors import InputError
 from automos.core.labels import Label
@@ -35,7 +33,8 @@ from automos.results.claiming import refuse_folder_of
 from automos.results.run_files import RunFiles
 from automos.writers import load_export
 from automos.writers.cleaning.bags import require_rewritable, rewrite_bag
-from automos.writers.formats import Export, make_folders, point_columns, write_pcd
+from automos.writers.formats import Export, copy_file, make_folders, point_columns, write_pcd
+from automos.writers.las import las_bytes
 
 Mask = npt.NDArray[np.bool_]
 Rewrite = Callable[[Path, Path, str, Mask], None]
@@ -73,12 +72,9 @@ def _rewrite_pcd(source: Path, target: Path, columns: str, kept: Mask) -> None:
 
 
 def _rewrite_las(source: Path, target: Path, columns: str, kept: Mask) -> None:
-    laspy = import_extra("laspy", "las")
-    las = laspy.read(source)
+    las = import_extra("laspy", "las").read(source)
     las.points = las.points[kept]
-    packed = io.BytesIO()  # what packs does not tell a full disk from other faults
-    las.write(packed, do_compress=source.suffix.lower() == ".laz")
-    write_bytes(target, packed.getvalue())
+    write_bytes(target, las_bytes(las, source.suffix.lower() == ".laz"))
 
 
 REWRITES: dict[str, Rewrite] = {
@@ -131,14 +127,10 @@ def _write_bin(run: RunFiles, out: Path) -> None:
     write_text(out / "times.txt", "".join(f"{stamp:.9f}\n" for stamp in run.stamps))
 
 
-_BIN = Export(
-    writes="velodyne/*.bin: x y z intensity, without labels; times.txt",
-    write=_write_bin,
-    is_of_points=True,
-)
-
-
-KINDS = {"bin": _BIN, **{name: load_export(name) for name in ("pcd", "laz", "mcap")}}
+KINDS = {
+    "bin": Export("velodyne/*.bin: x y z intensity, without labels; times.txt", _write_bin, is_of_points=True),
+    **{name: load_export(name) for name in ("pcd", "laz", "mcap")},
+}
 """Writers of points as the recording has them."""
 MARKER = "clean.json"
 _BESIDE = ("times.txt", "poses.txt", "calib.txt", "mounts.yaml")
@@ -231,8 +223,7 @@ def _rewrite_folder(sequence: FolderSequence, rewrite: Rewrite, counted: _Counte
     run = counted.run
     for name in _BESIDE:
         if (sequence.source / name).is_file():
-            with atomic_path(out / name) as temporary:
-                shutil.copyfile(sequence.source / name, temporary)
+            copy_file(sequence.source / name, out / name)
     for index in run.each("writing scans"):
         source = sequence.paths[index]
         target = out / source.relative_to(sequence.source)

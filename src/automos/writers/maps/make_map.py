@@ -1,7 +1,6 @@
 """Builds the map of a recording without moving objects and writes it piece by piece."""
 
 import json
-import math
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -16,7 +15,8 @@ from automos.core.geometry import inverse
 from automos.core.labels import Label, to_mos
 from automos.core.pose_writers import write_kitti
 from automos.core.run import Progress
-from automos.core.scan import Frames, Sequence
+from automos.core.scan import Frame, Frames, Sequence
+from automos.evaluation.report import without_nan
 from automos.settings import MapSettings
 from automos.writers.maps.loops.closing import FramesAt, close_loops
 from automos.writers.maps.metrics import TILE, MapCounts, MapScores, Tile, Tiles
@@ -75,59 +75,59 @@ def make_map(
         frames = FramesAt(frames, T_level_sensor)
         files.append(out / "poses.txt")
         write_kitti(files[-1], inverse(T_level_sensor[0]) @ T_level_sensor)
-    reach, origins = settings.max_range, frames.T_level_sensor[:, :3, 3]
-    corners = origins[:, :2].min(axis=0) - reach, origins[:, :2].max(axis=0) + reach
-    raw, clean = (HeightPicture(*corners, _PICTURE_PIXELS) for _ in range(2))
     with ExitStack() as stack:
         writers = [stack.enter_context(open_cloud(cloud)) for cloud in clouds]
-        n_points, scores = _write_map(frames, sequence, labels_of, writers, (raw, clean), settings, progress)
-    raw.write(out / "map_raw.png")
-    clean.write(out / "map_clean.png")
-    named = {} if scores is None else scores_by_name(scores)
-    about |= {"points": n_points} | {name: None if math.isnan(score) else score for name, score in named.items()}
+        found = _Map(frames.T_level_sensor[:, :3, 3], writers, settings)
+        for i in range(len(sequence)):
+            frame = frames[i]
+            found.add(frame, labels_of(i, frame.n_points), sequence.truth(i))
+            if progress is not None:
+                progress("map", i + 1, len(sequence))
+        scores = found.finish()
+    found.raw.write(out / "map_raw.png")
+    found.clean.write(out / "map_clean.png")
+    about |= {"points": found.n_points} | ({} if scores is None else without_nan(scores_by_name(scores)))
     write_text(out / "map.json", json.dumps(about, indent=2) + "\n")
-    return MadeMap(files, n_points, scores)
+    return MadeMap(files, found.n_points, scores)
 
 
-def _write_map(
-    frames: Frames,
-    sequence: Sequence,
-    labels_of: Callable[[int, int], npt.NDArray],
-    writers: list[Write],
-    pictures: tuple[HeightPicture, HeightPicture],
-    settings: MapSettings,
-    progress: Progress | None,
-) -> tuple[int, MapScores | None]:
-    """Give the map's points to `writers`, all points and those kept to `pictures`; return points, scores."""
-    reach, (raw, clean) = settings.max_range, pictures
-    tiles, counts, n_points, has_truth = Tiles(settings.voxel, TILE), MapCounts(), 0, False
+class _Map:
+    """A map in the making: what the sensor has left behind is written, and the pictures are drawn."""
 
-    def finish(done: Iterable[Tile]) -> None:
-        nonlocal n_points
-        for tile in done:
-            n_points += len(tile.voxels)
-            for write in writers:
-                write(tile.voxels.mean)
+    def __init__(self, origins: npt.NDArray, writers: list[Write], settings: MapSettings):
+        """Take the sensor's places (N, 3) in the level frame, and what takes the map's points."""
+        self._reach = reach = settings.max_range
+        corners = origins[:, :2].min(axis=0) - reach, origins[:, :2].max(axis=0) + reach
+        self.raw, self.clean = (HeightPicture(*corners, _PICTURE_PIXELS) for _ in range(2))
+        self.n_points = 0
+        self._writers, self._has_truth = writers, False
+        self._tiles, self._counts = Tiles(settings.voxel, TILE), MapCounts()
 
-    for i in range(len(sequence)):
-        frame = frames[i]
-        used = np.flatnonzero(np.einsum("ij,ij->i", frame.points, frame.points) <= reach**2)
+    def add(self, frame: Frame, labels: npt.NDArray, truth: npt.NDArray | None) -> None:
+        """Add one scan; `labels` and `truth` are those of all its points."""
+        used = np.flatnonzero(np.einsum("ij,ij->i", frame.points, frame.points) <= self._reach**2)
         points = frame.points_level[used]
-        is_kept = labels_of(i, frame.n_points)[frame.kept][used] == Label.STATIC
-        raw.add(points)
-        clean.add(points[is_kept])
-        tiles.add(points[is_kept])
-        truth = sequence.truth(i)
+        is_kept = labels[frame.kept][used] == Label.STATIC
+        self.raw.add(points)
+        self.clean.add(points[is_kept])
+        self._tiles.add(points[is_kept])
         if truth is not None:
-            has_truth = True
+            self._has_truth = True
             true = to_mos(truth)[frame.kept][used]
-            counts.add(points, true == Label.STATIC, true == Label.MOVING, is_kept)
-        finish(tiles.leave(frame.origin_level, 2.0 * reach))
-        counts.leave(frame.origin_level, 2.0 * reach)
-        if progress is not None:
-            progress("map", i + 1, len(sequence))
-    finish(tiles.rest())
-    return n_points, counts.scores() if has_truth else None
+            self._counts.add(points, true == Label.STATIC, true == Label.MOVING, is_kept)
+        self._write(self._tiles.leave(frame.origin_level, 2.0 * self._reach))
+        self._counts.leave(frame.origin_level, 2.0 * self._reach)
+
+    def finish(self) -> MapScores | None:
+        """Write what is left; return the scores, None without truth."""
+        self._write(self._tiles.rest())
+        return self._counts.scores() if self._has_truth else None
+
+    def _write(self, done: Iterable[Tile]) -> None:
+        for tile in done:
+            self.n_points += len(tile.voxels)
+            for write in self._writers:
+                write(tile.voxels.mean)
 
 
 def scores_by_name(scores: MapScores) -> dict[str, float]:

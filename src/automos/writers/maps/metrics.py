@@ -7,13 +7,14 @@ points removed; AA, the square root of their product. Points without ground trut
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.core.scan import Mask
 from automos.core.voxels import VoxelMap
+from automos.evaluation.moving import ratio
 
 _STRIDE = 1 << 32
 
@@ -67,11 +68,9 @@ class Tiles:
         if marks is None:
             marks = np.zeros((len(points), 0), bool)
         column, line = np.floor(points[:, :2] / self._side).astype(np.int64).T
-        keys, tile_of = np.unique(
-            column * _STRIDE + line, return_inverse=True
-        )  # one number is quicker to sort than two
-        for row, key in enumerate(keys.tolist()):
-            place = ((key + _STRIDE // 2) // _STRIDE, (key + _STRIDE // 2) % _STRIDE - _STRIDE // 2)
+        one_number = column * _STRIDE + line  # quicker to sort than two
+        _, first, tile_of = np.unique(one_number, return_index=True, return_inverse=True)
+        for row, place in enumerate(zip(column[first].tolist(), line[first].tolist(), strict=True)):
             if place not in self._tiles:
                 corner = np.array([place[0] * self._side, place[1] * self._side, 0.0])
                 self._tiles[place] = Tile(self._voxel, corner, self._n_marks)
@@ -113,24 +112,22 @@ class MapScores:
         return float(np.sqrt(self.static_accuracy * self.dynamic_accuracy))
 
 
-@dataclass
 class MapCounts:
-    """Counts over scans; memory is that of the tiles in the sensor's range."""
+    """Counts over scans; memory is that of the tiles in the sensor's range.
 
-    voxel: float = 0.2
-    tile: float = TILE
-    static: npt.NDArray[np.int64] = field(default_factory=lambda: np.zeros(2, np.int64))  # points: all, kept
-    moving: npt.NDArray[np.int64] = field(default_factory=lambda: np.zeros(2, np.int64))
-    static_voxels: npt.NDArray[np.int64] = field(default_factory=lambda: np.zeros(2, np.int64))
-    moving_voxels: npt.NDArray[np.int64] = field(default_factory=lambda: np.zeros(2, np.int64))
+    Attributes
+    ----------
+    points, voxels : (2, 2) int64, of static and of moving ones: all, and those kept.
+    """
 
-    def __post_init__(self) -> None:
-        self._tiles = Tiles(self.voxel, self.tile, n_marks=3)
+    def __init__(self, voxel: float = 0.2, tile: float = TILE):
+        """Take the edges of voxels and tiles, metres."""
+        self.points, self.voxels = np.zeros((2, 2, 2), np.int64)
+        self._tiles = Tiles(voxel, tile, n_marks=3)
 
     def add(self, points: npt.NDArray, is_static: Mask, is_moving: Mask, is_kept: Mask) -> None:
         """Count `points` (N, 3), metres, level frame: static or moving by the truth, kept or not in the map."""
-        for counts, is_such in ((self.static, is_static), (self.moving, is_moving)):
-            counts += (int(is_such.sum()), int((is_such & is_kept).sum()))
+        self.points += [_kept_of(is_static, is_kept), _kept_of(is_moving, is_kept)]
         is_known = is_static | is_moving
         self._tiles.add(points[is_known], np.stack([is_static, is_moving, is_kept], axis=1)[is_known])
 
@@ -143,18 +140,14 @@ class MapCounts:
         """Return the scores of everything added; nothing may be added afterwards."""
         for tile in self._tiles.rest():
             self._finish(tile)
-        return MapScores(
-            _share(self.static_voxels[1], self.static_voxels[0]),
-            1.0 - _share(self.moving_voxels[1], self.moving_voxels[0]),
-            _share(self.static[1], self.static[0]),
-            1.0 - _share(self.moving[1], self.moving[0]),
-        )
+        voxels, points = ([ratio(kept, total) for total, kept in counts] for counts in (self.voxels, self.points))
+        return MapScores(voxels[0], 1.0 - voxels[1], points[0], 1.0 - points[1])
 
     def _finish(self, tile: Tile) -> None:
         n_static, _, n_kept = tile.marks.T
-        for counts, is_such in ((self.static_voxels, n_static > 0), (self.moving_voxels, n_static == 0)):
-            counts += (int(is_such.sum()), int((is_such & (n_kept > 0)).sum()))
+        self.voxels += [_kept_of(n_static > 0, n_kept > 0), _kept_of(n_static == 0, n_kept > 0)]
 
 
-def _share(part: int, whole: int) -> float:
-    return float(part / whole) if whole else float("nan")
+def _kept_of(is_such: Mask, is_kept: Mask) -> tuple[int, int]:
+    """Return how many there are of a kind, and how many of these are kept."""
+    return int(np.count_nonzero(is_such)), int(np.count_nonzero(is_such & is_kept))

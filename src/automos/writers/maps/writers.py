@@ -5,7 +5,8 @@ show as trails.
 """
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,8 @@ import numpy.typing as npt
 from automos.core.atomic import atomic_path
 from automos.core.errors import InputError
 from automos.readers.formats import import_extra
-from automos.writers.formats import REACH, STEP, pcd_header, ply_header
+from automos.writers.formats import pcd_header, ply_header
+from automos.writers.las import REACH, las_header
 
 _HEIGHTS = (-1.0, 4.0)
 """Metres above the ground under the first scan between which colours differ."""
@@ -66,25 +68,17 @@ def open_cloud(path: Path) -> Iterator[Write]:
         The library for .laz is not installed.
     """
     check_kind(path)
-    with atomic_path(path) as temporary:
-        if path.suffix == ".laz":
-            with _open_laz(temporary) as write:
-                yield write
-        else:
-            with _open_binary(temporary, _HEADERS[path.suffix]) as write:
-                yield write
+    with atomic_path(path) as temporary, _OPENED[path.suffix](temporary) as write:
+        yield write
 
 
 def check_kind(path: Path) -> None:
     """Raise the error that `open_cloud` would raise."""
-    if path.suffix not in (*_HEADERS, ".laz"):
+    if path.suffix not in _OPENED:
         raise InputError(f"{path} is of no kind that maps are written in: choose .ply, .pcd or .laz")
     if path.suffix == ".laz":
         import_extra("laspy", "las")
         import_extra("lazrs", "las")
-
-
-_HEADERS = {".ply": ply_header, ".pcd": pcd_header}
 
 
 @contextmanager
@@ -107,8 +101,7 @@ def _open_binary(path: Path, header: Callable[..., bytes]) -> Iterator[Write]:
 @contextmanager
 def _open_laz(path: Path) -> Iterator[Write]:
     laspy, lazrs = import_extra("laspy", "las"), import_extra("lazrs", "las")
-    header = laspy.LasHeader(version="1.4", point_format=6)
-    header.scales, header.offsets = np.full(3, STEP), np.zeros(3)
+    header = las_header()
 
     def write(points: npt.NDArray) -> None:
         if not (np.abs(points) < REACH).all():
@@ -125,3 +118,10 @@ def _open_laz(path: Path) -> Iterator[Write]:
             yield write
     except lazrs.LazrsError as error:  # which it raises where the disk is full
         raise OSError(str(error)) from error
+
+
+_OPENED: dict[str, Callable[[Path], AbstractContextManager[Write]]] = {
+    ".ply": partial(_open_binary, header=ply_header),
+    ".pcd": partial(_open_binary, header=pcd_header),
+    ".laz": _open_laz,
+}

@@ -21,9 +21,10 @@ from automos.core.errors import InputError
 from automos.core.own_folder import own_folder
 from automos.results.claiming import refuse_folder_of
 from automos.results.run_files import RunFiles
+from automos.writers.formats import copy_file, make_folders
 from automos.writers.training import trainer_files
 from automos.writers.training.members import Member, members_of
-from automos.writers.training.scans import IDS, ImageSensor, image_statistics, spread
+from automos.writers.training.scans import IDS, image_statistics, spread
 from automos.writers.training.sequence import Extras, Written, write_sequence
 from automos.writers.training.trainer_files import SPLITS
 
@@ -35,24 +36,29 @@ _THEIR_NAMES = {"train": "train", "valid": "val", "test": "test"}
 
 @dataclass(frozen=True, eq=False)
 class Made:
-    """A data set that was written: its members, and what of each is in it."""
+    """A data set that was written, and what of each recording is in it."""
 
     folder: Path
-    members: list[Member]
     written: list[Written]
+
+    @property
+    def members(self) -> list[Member]:
+        """Its recordings."""
+        return [one.member for one in self.written]
 
     def sentences(self) -> list[str]:
         """Return what a person should know of it: a line for each recording, and what trainers will stumble over."""
-        lines = []
-        for member, found in zip(self.members, self.written, strict=True):
-            share = 100.0 * sum(found.moving) / max(sum(found.points), 1)
+        lines, n_empty = [], 0
+        for member, scans in ((one.member, one.scans) for one in self.written):
+            share = 100.0 * sum(scan.moving for scan in scans) / max(sum(scan.points for scan in scans), 1)
+            n_with = sum(scan.moving > 0 for scan in scans)
+            n_empty += len(scans) - n_with
             lines.append(
-                f"{member.name}: sequence {member.number}, {member.split}, {len(found.names)} scans, "
-                f"{len(found.names) - found.n_without_movers} with movers, {share:.2f} % of points move"
+                f"{member.name}: sequence {member.number}, {member.split}, {len(scans)} scans, {n_with} with movers, "
+                f"{share:.2f} % of points move"
             )
-        empty = sum(found.n_without_movers for found in self.written)
-        if empty:
-            lines.append(f"warning: nothing moves in {empty} scans; some trainers leave such out without a word")
+        if n_empty:
+            lines.append(f"warning: nothing moves in {n_empty} scans; some trainers leave such out without a word")
         if missing := [split for split in ("train", "valid") if all(m.split != split for m in self.members)]:
             lines.append(f"warning: no recording is in {missing[0]}, which trainers ask for: --split {missing[0]}=NAME")
         n_sensors = len({member.sensor for member in self.members})
@@ -102,78 +108,78 @@ def make_training_set(
         "recordings": [member.about() for member in members],
     }
     with own_folder(out, DATASET, MANIFEST, about) as found:
-        written = [write_sequence(member, _place(out, layout, member), ids, extras) for member in members]
-        made = Made(out, members, written)
-        _write_beside(made, layout)
-        found.update(_manifest(made, layout))
-    return made
+        is_helimos = layout == "helimos"
+        places = [out / m.name if is_helimos else out / "sequences" / f"{m.number:02d}" for m in members]
+        written = [write_sequence(m, place, ids, extras) for m, place in zip(members, places, strict=True)]
+        (_write_lists if is_helimos else _write_tables)(out, written)
+        found.update(_manifest(out, written))
+    return Made(out, written)
 
 
-def _place(out: Path, layout: str, member: Member) -> Path:
-    return out / member.name if layout == "helimos" else out / "sequences" / f"{member.number:02d}"
-
-
-def _write_beside(made: Made, layout: str) -> None:
-    """Write what lies beside the sequences: lists, classes, sensors, and what trainers call each sequence."""
-    out, members = made.folder, made.members
-    if layout == "helimos":
-        for split, theirs in _THEIR_NAMES.items():
-            lengths = [len(f.names) for m, f in zip(members, made.written, strict=True) if m.split == split]
-            if lengths:  # numbers beyond a recording's end do no harm, but one alone is read as no list
-                write_text(out / f"{theirs}.txt", "".join(f"{k}\n" for k in range(max(2, *lengths))))
-        called = {s: [f"{m.name}/{_THEIR_NAMES[s]}.txt" for m in members if m.split == s] for s in SPLITS}
-    else:
-        (out / "poses").mkdir(exist_ok=True)
-        for member in members:
-            poses = (_place(out, layout, member) / "poses.txt").read_text()
-            write_text(out / "poses" / f"{member.number:02d}.txt", poses)
-        called = {s: [f"{m.number:02d}" for m in members if m.split == s] for s in SPLITS}
-        sensors = list(dict.fromkeys(member.sensor for member in members))
-        for k, sensor in enumerate(sensors):
-            _write_sensor(made, layout, sensor, "" if len(sensors) == 1 else f"_{k + 1}")
-        lines = (
-            f"{member.number:02d} {k:06d} {n}\n"
-            for member, found in zip(members, made.written, strict=True)
-            for k, n in enumerate(found.moving)
-            if n and member.split == "train"
-        )
-        write_text(out / "train_split_dynamic_pointnumber.txt", "".join(lines))
+def _write_lists(out: Path, written: list[Written]) -> None:
+    """Write HeLiMOS's lists of scans, which hold for all recordings of a split, and how trainers call the lists."""
+    called: dict[str, list[str]] = {}
+    for split, theirs in _THEIR_NAMES.items():
+        those = [one for one in written if one.member.split == split]
+        if those:  # numbers beyond a recording's end do no harm, but one alone is read as no list
+            longest = max(2, *(len(one.scans) for one in those))
+            write_text(out / f"{theirs}.txt", "".join(f"{k}\n" for k in range(longest)))
+        called[split] = [f"{one.member.name}/{theirs}.txt" for one in those]
     write_text(out / "mos4d.yaml", trainer_files.sequences_yaml(called))
 
 
-def _write_sensor(made: Made, layout: str, sensor: ImageSensor, suffix: str) -> None:
+def _write_tables(out: Path, written: list[Written]) -> None:
+    """Write what SemanticKITTI's trainers ask for: poses, scans with movers, splits, and files of each sensor."""
+    make_folders(out, "poses")
+    lines = []
+    for one in written:
+        copy_file(one.folder / "poses.txt", out / "poses" / f"{one.member.number:02d}.txt")
+        if one.member.split == "train":
+            moving = enumerate(scan.moving for scan in one.scans)
+            lines += [f"{one.member.number:02d} {k:06d} {n}\n" for k, n in moving if n]
+    write_text(out / "train_split_dynamic_pointnumber.txt", "".join(lines))
+    called = {split: [f"{number:02d}" for number in numbers] for split, numbers in _split_of(written).items()}
+    write_text(out / "mos4d.yaml", trainer_files.sequences_yaml(called))
+    sensors = list(dict.fromkeys(one.member.sensor for one in written))
+    for k, sensor in enumerate(sensors):
+        suffix = "" if len(sensors) == 1 else f"_{k + 1}"
+        _write_sensor(out, [one for one in written if one.member.sensor == sensor], suffix)
+
+
+def _write_sensor(out: Path, written: list[Written], suffix: str) -> None:
     """Write the classes, splits and image of the recordings of one sensor, for trainers on range images and InsMOS."""
-    pairs = [(m, f) for m, f in zip(made.members, made.written, strict=True) if m.sensor == sensor]
-    numbers: Counter[int] = sum((f.numbers for _, f in pairs), Counter())
+    numbers: Counter[int] = sum((one.numbers for one in written), Counter())
     shares = {number: count / max(numbers.total(), 1) for number, count in numbers.items()}
-    split = {s: [m.number for m, _ in pairs if m.split == s] for s in SPLITS}
     scans = [
-        np.fromfile(_place(made.folder, layout, m) / "velodyne" / f"{k:06d}.bin", np.float32).reshape(-1, 4)
-        for m, f in pairs
-        for k in spread(len(f.names), 10)
+        np.fromfile(one.folder / "velodyne" / f"{k:06d}.bin", np.float32).reshape(-1, 4)
+        for one in written
+        for k in spread(len(one.scans), 10)
     ]
-    most = max((max(f.points, default=1) for _, f in pairs), default=1)
+    most = max((scan.points for one in written for scan in one.scans), default=1)
+    sensor, split = written[0].member.sensor, _split_of(written)
     statistics = image_statistics(scans, sensor)
-    write_text(made.folder / f"semantic-kitti-mos{suffix}.yaml", trainer_files.classes_yaml(shares, split))
-    write_text(made.folder / f"sensor{suffix}.yaml", trainer_files.sensor_yaml(sensor, statistics, most))
-    write_text(made.folder / f"insmos{suffix}.yaml", trainer_files.insmos_yaml(split))
+    write_text(out / f"semantic-kitti-mos{suffix}.yaml", trainer_files.classes_yaml(shares, split))
+    write_text(out / f"sensor{suffix}.yaml", trainer_files.sensor_yaml(sensor, statistics, most))
+    write_text(out / f"insmos{suffix}.yaml", trainer_files.insmos_yaml(split))
 
 
-def _manifest(made: Made, layout: str) -> dict[str, Any]:
+def _split_of(written: list[Written]) -> dict[str, list[int]]:
+    """Return the numbers of the sequences in each split."""
+    return {split: [one.member.number for one in written if one.member.split == split] for split in SPLITS}
+
+
+def _manifest(out: Path, written: list[Written]) -> dict[str, Any]:
     """Return what dataset.json says of the scans: where each came from, and how much of it moves."""
     return {
         "points": "x, y, z in metres in the sensor's frame at the scan's pose, motion-compensated; intensity 0 to 1",
         "poses": "T_world_sensor",
         "numbers": "labels; the object in the upper 16 bits, of ids 'universal' only",
         "sequences": {
-            str(_place(made.folder, layout, member).relative_to(made.folder)): {
-                "name": member.name,
-                "full_scale_of_intensity": member.full_scale,
-                "scans": [
-                    {"name": name, "points": points, "moving": moving}
-                    for name, points, moving in zip(found.names, found.points, found.moving, strict=True)
-                ],
+            str(one.folder.relative_to(out)): {
+                "name": one.member.name,
+                "full_scale_of_intensity": one.member.full_scale,
+                "scans": [scan._asdict() for scan in one.scans],
             }
-            for member, found in zip(made.members, made.written, strict=True)
+            for one in written
         },
     }

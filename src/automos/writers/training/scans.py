@@ -66,8 +66,7 @@ def training_scan(run: RunFiles, index: int, ids: str, full_scale: float) -> Tra
     points = np.column_stack([run.points_at_pose(scan, index), share]).astype(np.float32)
     found = run.labels(index, len(scan))
     number_of = np.zeros(Label.MOVING + 1, np.uint32)
-    for label, number in IDS[ids].items():
-        number_of[label] = number
+    number_of[list(IDS[ids])] = list(IDS[ids].values())
     instances = None
     if ids == "universal":  # the benchmark's labels have none: some tools compare all 32 bits with 250
         objects = run.instances(index, len(scan))

@@ -4,6 +4,7 @@ from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -38,42 +39,37 @@ class Extras:
     boxes: bool = False
 
 
-@dataclass
+class WrittenScan(NamedTuple):
+    """The recording's own name of a scan, and how many points it has, and how many of them move."""
+
+    name: str
+    points: int
+    moving: int
+
+
+@dataclass(frozen=True, eq=False)
 class Written:
-    """What of a recording is in the data set, scan by scan.
+    """What of a recording is in the data set.
 
     Attributes
     ----------
-    names : list of str
-        The recording's own names of the scans 000000, 000001, ...; those without a point of use are left out.
-    points, moving : list of int
-        Of each scan.
+    member : Member
+    folder : Path
+    scans : list of WrittenScan
+        Those called 000000, 000001, ... there; scans without a point of use are left out.
     numbers : Counter
         How many points have each number of a label.
     """
 
-    names: list[str] = field(default_factory=list)
-    points: list[int] = field(default_factory=list)
-    moving: list[int] = field(default_factory=list)
+    member: Member
+    folder: Path
+    scans: list[WrittenScan] = field(default_factory=list)
     numbers: Counter[int] = field(default_factory=Counter)
-
-    @property
-    def n_without_movers(self) -> int:
-        """Number of scans in which nothing moves."""
-        return self.moving.count(0)
-
-    def add(self, name: str, scan: TrainingScan) -> None:
-        """Count one more scan."""
-        self.names.append(name)
-        self.points.append(len(scan.points))
-        self.moving.append(scan.n_moving)
-        numbers, counts = np.unique(scan.labels & 0xFFFF, return_counts=True)
-        self.numbers.update(dict(zip(numbers.tolist(), counts.tolist(), strict=True)))
 
 
 def write_sequence(member: Member, folder: Path, ids: str, extras: Extras) -> Written:
     """Write the recording `member` to `folder`; scans that are there are complete, and kept."""
-    run, written = member.run, Written()
+    run, written = member.run, Written(member, folder)
     kept: list[int] = []
     before: deque[tuple[Points, Pose]] = deque(maxlen=max(extras.residuals, default=0))
     make_folders(folder, "velodyne", "labels", *([_BOXES] if extras.boxes else []), *map(_residuals, extras.residuals))
@@ -82,7 +78,9 @@ def write_sequence(member: Member, folder: Path, ids: str, extras: Extras) -> Wr
             continue
         scan = _write_scan(member, index, folder, f"{len(kept):06d}", ids, extras, before)
         before.append((scan.points[:, :3], run.T_world_sensor[index]))
-        written.add(run.names[index], scan)
+        written.scans.append(WrittenScan(run.names[index], len(scan.points), scan.n_moving))
+        numbers, counts = np.unique(scan.labels & 0xFFFF, return_counts=True)
+        written.numbers.update(dict(zip(numbers.tolist(), counts.tolist(), strict=True)))
         kept.append(index)
     write_kitti(folder / "poses.txt", run.T_world_sensor[kept])
     write_text(folder / "calib.txt", "".join(f"{key}: {_IDENTITY}\n" for key in ("P0", "P1", "P2", "P3", "Tr")))
