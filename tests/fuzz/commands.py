@@ -256,5 +256,5 @@ class Requests:
             LAST.append(f"{name} {str(body)[:300]}")
             if isinstance(body, dict):  # the server refuses others
                 json.dumps(SAID[name](self.session, body))
-        if self.session.record.writer.problem is not None:
-            raise WrongError(f"what was decided cannot be written: {self.session.record.writer.problem}")
+        if self.session.writer.problem is not None:
+            raise WrongError(f"what was decided cannot be written: {self.session.writer.problem}")

@@ -211,7 +211,7 @@ def test_objects_scans_and_pictures_are_shown_while_something_is_followed(sessio
 def test_places_are_numbered_as_they_are_listed_whatever_else_is_worth_knowing(session):
     place = {**Missed(session).place, "kind": "lost", "sentence": "?", "track": 1, "at": [0, 0], "points": 9}
     queue = Queue(session.stages, [{"kind": "camera", "sentence": "The poses are a camera's."}, place])
-    session.record.queue = queue
+    session.queue = queue
     (row,) = [row for row in session.overview()["items"] if "place" in row]
     session.make_ahead([row["place"]])
     until(lambda: not session.proposals._ahead)

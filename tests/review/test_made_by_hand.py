@@ -231,7 +231,7 @@ def test_a_scan_comes_with_the_boxes_of_its_objects_found_and_made(session):
 def test_where_there_is_truth_the_gain_is_that_of_evaluate(session):
     from automos.evaluation.report import evaluate_folder
 
-    run, gain = session.run, session.record.gain
+    run, gain = session.run, session.gain
     gain.count()
     before = evaluate_folder(run.folder / "predictions", run.sequence).counts.scores.iou
     assert session.status()["iou"] == {"found": before, "now": before}

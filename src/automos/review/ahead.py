@@ -105,6 +105,8 @@ _log = logging.getLogger(__name__)
 
 What = tuple[Any, ...]
 """What a person points at: a method of `Proposer` and its arguments."""
+Shown = tuple[Amendment, dict[str, Any]]
+"""What is proposed, and its scene."""
 KEPT = 8
 """Proposals kept, a megabyte or two each: those made ahead, and some to come back to."""
 GLANCE = 0.1
@@ -126,7 +128,7 @@ class _Proposal:
         self.sought, self.total = 0, 0
         self._stages, self._find = stages, find
         self._way: Way | None = None
-        self._shown: tuple[Amendment, dict[str, Any]] | None = None
+        self._shown: Shown | None = None
         self._may_go_on: Callable[[], bool] = lambda: True
 
     def _on_scan(self, total: int) -> None:
@@ -134,7 +136,7 @@ class _Proposal:
             raise GivenUpError
         self.sought, self.total = self.sought + (total > 0), total
 
-    def made(self, changes: Callable[[], Changes], may_go_on: Callable[[], bool]) -> tuple[Amendment, dict[str, Any]]:
+    def made(self, changes: Callable[[], Changes], may_go_on: Callable[[], bool]) -> Shown:
         """Return the object and its scene, after the changes as they are when it is returned."""
         self._may_go_on = may_go_on
         if self._way is None:
@@ -170,7 +172,7 @@ class Proposals:
         self._news = threading.Condition()
         threading.Thread(target=self._work, daemon=True).start()
 
-    def get(self, what: What) -> tuple[Amendment, dict[str, Any]]:
+    def get(self, what: What) -> Shown:
         """Return what is there as an object, and its scene; whatever was asked for before is given up.
 
         Raises
@@ -216,12 +218,8 @@ class Proposals:
         return {"scans": one.sought if one else 0, "of": one.total if one else 0}
 
     def _proposal(self, what: What) -> _Proposal:
-        def find(on_scan: OnScan) -> Way:
-            method, *where = what
-            way: Way = method(self._proposer, *where, on_scan)
-            return way
-
-        one = self._kept.pop(what, None) or _Proposal(self._stages, find)
+        method, *where = what
+        one = self._kept.pop(what, None) or _Proposal(self._stages, partial(method, self._proposer, *where))
         self._kept[what] = one
         if len(self._kept) > KEPT:
             del self._kept[next(iter(self._kept))]

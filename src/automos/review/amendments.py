@@ -79,21 +79,13 @@ class Amendment:
 
 def append_amendments(folder: Path, amendments: Iterable[Amendment]) -> None:
     """Add objects made by hand to the log in `folder`; errors as for the log."""
-    append_lines(
-        folder,
-        [
-            {
-                "kind": "amendment", "at": one.at, "key": one.key, "how": one.how, "verdict": one.verdict,
-                "parts": {scan: _pack(part) for scan, part in one.parts.items()},
-            }
-            for one in amendments
-        ],
-    )  # fmt: skip
+    packed = ((one, {scan: _pack(part) for scan, part in one.parts.items()}) for one in amendments)
+    append_lines(folder, ({"kind": "amendment", "at": one.at, **vars(one), "parts": parts} for one, parts in packed))
 
 
 def append_verdicts(folder: Path, at: str, verdicts: Mapping[str, str]) -> None:
     """Add to the log what was decided of objects made by hand, by key; "undo" takes the object back."""
-    lines = [{"kind": "amendment", "at": at, "key": key, "verdict": verdict} for key, verdict in verdicts.items()]
+    lines = ({"kind": "amendment", "at": at, "key": key, "verdict": verdict} for key, verdict in verdicts.items())
     append_lines(folder, lines)
 
 
@@ -112,12 +104,8 @@ def read_amendments(folder: Path) -> list[Amendment]:
 
 def in_scans(amendments: Iterable[Amendment], names: Container[str]) -> tuple[list[Amendment], list[Amendment]]:
     """Return `amendments` with only their parts in the scans `names`, and those that have none: scans were removed."""
-    found, lost = [], []
-    for one in amendments:
-        parts = {scan: part for scan, part in one.parts.items() if scan in names}
-        found += [replace(one, parts=parts)] if parts else []
-        lost += [] if parts else [one]
-    return found, lost
+    left = [(one, {scan: part for scan, part in one.parts.items() if scan in names}) for one in amendments]
+    return [replace(one, parts=parts) for one, parts in left if parts], [one for one, parts in left if not parts]
 
 
 def ever_made(folder: Path) -> list[Amendment]:
@@ -153,11 +141,7 @@ def _pack(part: Part) -> dict[str, Any]:
 
 
 def _unpack(packed: dict[str, Any]) -> Part:
-    try:
-        unpacked = zlib.decompressobj().decompress(base64.b64decode(packed["rows"]), MOST_BYTES)
-    except zlib.error as error:
-        raise ValueError(error) from None
-    steps = np.frombuffer(unpacked, "<u4")
+    steps = np.frombuffer(zlib.decompressobj().decompress(base64.b64decode(packed["rows"]), MOST_BYTES), "<u4")
     box = np.array(packed["box"], np.float64)
     if box.shape != (9,) or not (np.abs(box) < MAX_RANGE).all():
         raise ValueError(f"box is not of nine ordinary numbers: {box[:9]}")

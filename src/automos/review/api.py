@@ -52,16 +52,6 @@ def _dismiss(session: Session, body: Body) -> dict[str, Any]:
     return session.status()
 
 
-def _make_ahead(session: Session, body: Body) -> dict[str, Any]:
-    session.make_ahead([number(one, "a place") for one in _list(body, "places")])
-    return {}
-
-
-def _cancel(session: Session, body: Body) -> dict[str, Any]:
-    session.proposals.cancel()
-    return {}
-
-
 def _finish(session: Session, body: Body) -> dict[str, Any]:
     session.finish()
     return session.status()
@@ -89,11 +79,11 @@ ASKED: dict[str, Callable[[Session, Mapping[str, list[str]]], dict[str, Any]]] =
 }
 """What is asked (GET), given what stands in the address after the question mark."""
 
-SAID: dict[str, Callable[[Session, Body], dict[str, Any]]] = {
+SAID: dict[str, Callable[[Session, Body], dict[str, Any] | None]] = {
     "decide": _decide,
     "propose": _propose,
-    "ahead": _make_ahead,
-    "cancel": _cancel,
+    "ahead": lambda session, body: session.make_ahead([number(one, "a place") for one in _list(body, "places")]),
+    "cancel": lambda session, body: session.proposals.cancel(),
     "accept": _accept,
     "cut": _cut,
     "split": _split,
@@ -104,7 +94,7 @@ SAID: dict[str, Callable[[Session, Body], dict[str, Any]]] = {
     "missed": _missed,
     "forget": lambda session, body: _looking(session).forget(_look(body)),
 }
-"""What is said (POST), given the body as JSON."""
+"""What is said (POST), given the body as JSON; nothing is answered where there is nothing to say."""
 
 
 def _look(body: Mapping[str, Any]) -> int:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from automos.core.atomic import write_text
+from automos.core.geometry import Array
 from automos.core.labels import Label, as_probability
 from automos.core.reading import read_bytes
 from automos.core.run import Progress
@@ -25,13 +26,15 @@ from automos.results.tracks_file import box_entry, track_entries, write_tracks
 from automos.review.amendments import Amendment, ever_made, in_scans, read_amendments
 from automos.review.decisions import Decision, ever_decided, match, read_decisions
 from automos.review.log import key_of_changes
-from automos.review.run_stages import Changes, RunStages, changed_labels, number_of, replaced, scans_of
+from automos.review.run_stages import Changes, Rows, RunStages, changed_labels, number_of, replaced, scans_of
 
+Lost = list[Decision | Amendment]
+"""Changes that find no track or no scan in a run."""
 RECORD = Lock()
 """Held while run.json is read and written again: decisions and answers come from several threads."""
 
 
-def read_changes(stages: RunStages) -> tuple[Changes, list[Decision | Amendment]]:
+def read_changes(stages: RunStages) -> tuple[Changes, Lost]:
     """Return the changes in the log of a run, and those that find no track or scan any more; errors as for the log."""
     decided, lost = match(stages, read_decisions(stages.folder))
     amendments, elsewhere = in_scans(read_amendments(stages.folder), stages.index)
@@ -86,7 +89,7 @@ def rewrite_scan(stages: RunStages, index: int, changes: Changes) -> None:
     Workspace(stages.folder).stage(REVIEWED, stages.keys["labels"]).save(name, per_point)
 
 
-def rewrite_run(stages: RunStages, changes: Changes, lost: list[Decision | Amendment]) -> None:
+def rewrite_run(stages: RunStages, changes: Changes, lost: Lost) -> None:
     """Write tracks.json and run.json after all changes."""
     counted: Counter[str] = Counter()
 
@@ -134,20 +137,29 @@ def changed_entries(stages: RunStages, changes: Changes) -> Iterator[dict[str, A
         yield amended_entry(stages, amendment)
 
 
+def path_of(stages: RunStages, amendment: Amendment) -> tuple[Rows, Array, Array]:
+    """Return where an object made by hand is: scans (K,) ascending, boxes (K, 7) and velocity (K, 3), level frame."""
+    parts = sorted((stages.index[name], part) for name, part in amendment.parts.items() if name in stages.index)
+    scans = np.array([i for i, _ in parts], np.int64)
+    boxes = np.array([part.box_level(stages.T_level_sensor[i]) for i, part in parts]).reshape(-1, 7)
+    velocity = np.zeros((len(scans), 3))
+    if len(scans) > 1:
+        velocity = np.gradient(boxes[:, :3], stages.trajectory.stamps[scans], axis=0)
+    return scans, boxes, velocity
+
+
 def amended_entry(stages: RunStages, amendment: Amendment) -> dict[str, Any]:
     """Return what tracks.json says of an object made by hand."""
-    scans = np.array(sorted(stages.index[name] for name in amendment.parts if name in stages.index), np.int64)
-    T_level_sensor, stamps = stages.trajectory.T_level_sensor, stages.trajectory.stamps
-    boxes = np.array([amendment.parts[stages.names[i]].box_level(T_level_sensor[i]) for i in scans]).reshape(-1, 7)
-    velocity = np.gradient(boxes[:, :3], stamps[scans], axis=0) if len(scans) > 1 else np.zeros((len(scans), 3))
+    scans, boxes, velocity = path_of(stages, amendment)
+    stamps = [round(stamp, 6) for stamp in stages.trajectory.stamps[scans].tolist()]
+    columns = np.hstack([boxes, velocity]).round(3).tolist()
     return {
         "id": number_of(stages, amendment) + 1,
         "verdict": amendment.verdict,
         "confidence": 1.0,
         "made": amendment.how,
         "boxes": [
-            box_entry(int(i), round(float(stamps[i]), 6), True, columns)
-            for i, columns in zip(scans, np.column_stack([boxes, velocity]).round(3).tolist(), strict=True)
+            box_entry(scan, stamp, True, row) for scan, stamp, row in zip(scans.tolist(), stamps, columns, strict=True)
         ],
     }
 

@@ -10,14 +10,17 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.core.atomic import write_text
+from automos.core.geometry import Array
+from automos.core.upright_boxes import Boxes
 from automos.core.workspace import RUN_FILE, Workspace
-from automos.objects.verdict import Verdict
+from automos.objects.tracks import observed
 from automos.review.follow import Detect, Heading, Path, follow_ahead
 from automos.review.run_stages import RunStages
 
+Seen = list[tuple[int, int]]
+"""Where something was observed: scans and segments."""
 RUN_UP = 5
 """Observations before its end from which a track is followed on, so that it is known how fast it was."""
 GOES_ON = 3
@@ -44,99 +47,72 @@ def find_concerns(stages: RunStages, has_given_poses: bool) -> list[dict[str, An
     Each has `kind` and `sentence`; one about a place has `scan` (name), `at` (x, y in metres, level frame), `track`
     (id), `segment` and `points` as well.
     """
-    about = stages.trajectory
-    path = about.T_level_sensor[:, :3, 3]
-    return [
-        *(_steep(path) if has_given_poses else []),
-        *_lost_ends(stages),
-    ]
+    return [*(_steep(stages.T_level_sensor[:, :3, 3]) if has_given_poses else []), *_lost_ends(stages)]
 
 
-def _steep(path: npt.NDArray[np.float64]) -> list[dict[str, Any]]:
+def _steep(path: Array) -> list[dict[str, Any]]:
     """Poses on which the sensor climbs or descends impossibly: those of a camera, whose z-axis points ahead."""
     way = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
-    if way < LEAST_WAY:
-        return []
     rise = float(np.abs(np.diff(path[:, 2])).sum())
-    if rise < CLIMB * way:
+    if way < LEAST_WAY or rise < CLIMB * way:
         return []
-    return [
-        {
-            "kind": "camera",
-            "sentence": f"By the given poses the sensor rises or sinks by {rise:.0f} m on a way of {way:.0f} m. They "
-            "look like a camera's, whose z-axis points ahead: give --calib with the camera's calibration, or poses of "
-            "the sensor itself.",
-        }
-    ]
+    sentence = (
+        f"By the given poses the sensor rises or sinks by {rise:.0f} m on a way of {way:.0f} m. They look like "
+        "a camera's, whose z-axis points ahead: give --calib with the camera's calibration, or poses of the "
+        "sensor itself."
+    )
+    return [{"kind": "camera", "sentence": sentence}]
 
 
 # -------------------------------------------------------------------------------------------- tracks that end too soon
 def _lost_ends(stages: RunStages) -> list[dict[str, Any]]:
-    tracks, stamps = stages.tracks, stages.trajectory.stamps
-
-    detect = lru_cache(CACHED_SCANS)(stages.detections)
-    is_moving = stages.verdicts.verdict == Verdict.MOVING
-    rows = np.flatnonzero(tracks.is_observed & is_moving[tracks.track])
-    taken = set(zip(tracks.scan[rows].tolist(), tracks.segment[rows].tolist(), strict=True))
+    detect, is_moving = lru_cache(CACHED_SCANS)(stages.detections), stages.verdicts.is_moving
+    moving = observed(stages.tracks[is_moving[stages.tracks.track]])
+    segments = list(zip(moving.scan.tolist(), moving.segment.tolist(), strict=True))
+    taken = set(segments)
     found = []
     for track in np.flatnonzero(is_moving).tolist():
-        own = rows[tracks.track[rows] == track]
         for step in (1, -1):
-            seen = [(int(tracks.scan[row]), int(tracks.segment[row])) for row in own[::step]]
-            beyond = _beyond(seen, detect, stamps, stages, step)
+            seen = segments[moving.rows_of(track)][::step]
+            beyond = _beyond(seen, detect, stages, step)
             beyond = {scan: at for scan, at in beyond.items() if at[0] >= 0 and (scan, at[0]) not in taken}
-            if len(beyond) < GOES_ON or _was_there(seen, beyond, detect):
-                continue
-            found.append(_lost(stages, track, seen[-1][0], beyond, detect, step))
+            if len(beyond) >= GOES_ON and not _was_there(seen, beyond, detect):
+                found.append(_lost(stages, track, seen[-1][0], beyond, detect, step))
     return sorted(found, key=lambda concern: -concern["points"])
 
 
-def _beyond(
-    seen: list[tuple[int, int]], detect: Detect, stamps: npt.NDArray[np.float64], stages: RunStages, step: int
-) -> Path:
-    """Return how what was observed as `seen` (scan, segment) goes on after the last; nothing if it does not."""
-    end, segment = seen[-1]
-    if end in (0, len(stamps) - 1) and (end == 0) == (step < 0):
+def _beyond(seen: Seen, detect: Detect, stages: RunStages, step: int) -> Path:
+    """Return how what was observed as `seen` goes on after the last; nothing if it does not."""
+    stamps, (start, first), (end, last) = stages.trajectory.stamps, seen[-RUN_UP:][0], seen[-1]
+    ended = detect(end)
+    if ended.n_points[last] < LEAST_POINTS:
         return {}
-    start = seen[-min(RUN_UP, len(seen))]
-    heading = Heading(_velocity(seen[-RUN_UP:], detect, stamps), MAY_CHANGE)
-    is_worth_it = detect(end).n_points[segment] >= LEAST_POINTS
-    if not is_worth_it or not _is_anything_there(seen[-1], heading, detect, stamps, step):
+    seconds = abs(stamps[end] - stamps[start])
+    way = ended.boxes.center[last, :2] - detect(start).boxes.center[first, :2]
+    heading = Heading(way / max(seconds, 0.05), MAY_CHANGE)
+    if not _is_anything_there(end, ended.boxes[last : last + 1], heading, detect, stamps, step):
         return {}
-    window = abs(stamps[end] - stamps[start[0]]) + LOOK_AHEAD
-    path = follow_ahead(detect, stamps, *start, stages.settings.tracking, step, heading, window)
-    if end not in path or path[end][0] != segment:
+    path = follow_ahead(detect, stamps, start, first, stages.settings.tracking, step, heading, seconds + LOOK_AHEAD)
+    if end not in path or path[end][0] != last:
         return {}
     return {scan: at for scan, at in path.items() if (scan - end) * step > 0}
 
 
-def _is_anything_there(
-    last: tuple[int, int], heading: Heading, detect: Detect, stamps: npt.NDArray[np.float64], step: int
-) -> bool:
-    """Return whether enough of the scans right beyond have anything of its size where it should be."""
-    end, segment = last
-    boxes = detect(end).boxes
-    center, size = boxes.center[segment], boxes.size[segment]
+def _is_anything_there(end: int, box: Boxes, heading: Heading, detect: Detect, stamps: Array, step: int) -> bool:
+    """Return whether enough of the scans right beyond `end` have anything of the `box`'s size where it should be."""
     n = 0
     for scan in range(end + step, len(stamps) if step > 0 else -1, step):
         away = abs(stamps[scan] - stamps[end])
         if away > LOOK_AHEAD or n >= GOES_ON:
             break
         there = detect(scan).boxes
-        reach = size[:2].max() + 0.5 * MAY_CHANGE * away**2 + SAME_PLACE
-        off = np.linalg.norm(there.center[:, :2] - center[:2] - heading.velocity * away, axis=1)
-        n += bool(((off < reach) & (there.size[:, 2] > 0.5 * size[2])).any())
+        reach = box.size[0, :2].max() + 0.5 * MAY_CHANGE * away**2 + SAME_PLACE
+        off = np.linalg.norm(there.center[:, :2] - box.center[0, :2] - heading.velocity * away, axis=1)
+        n += bool(((off < reach) & (there.size[:, 2] > 0.5 * box.size[0, 2])).any())
     return n >= GOES_ON
 
 
-def _velocity(seen: list[tuple[int, int]], detect: Detect, stamps: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Return (2,) metres per second, along `seen` whichever way time goes."""
-    (first, one), (last, other) = seen[0], seen[-1]
-    away = detect(last).boxes.center[other, :2] - detect(first).boxes.center[one, :2]
-    return away / max(abs(stamps[last] - stamps[first]), 0.05)
-
-
-def _was_there(seen: list[tuple[int, int]], beyond: Path, detect: Detect) -> bool:
+def _was_there(seen: Seen, beyond: Path, detect: Detect) -> bool:
     """Return whether the continuation stood there while the track was still elsewhere."""
     ahead = [(box, detect(scan).boxes.size[segment]) for scan, (segment, box) in list(beyond.items())[:GOES_ON]]
     for before, own in seen:

@@ -11,9 +11,10 @@ import numpy.typing as npt
 from pydantic import Field, TypeAdapter
 
 from automos.core.reading import checked
+from automos.objects.tracks import observed
 from automos.review.log import append_lines, read_lines
 from automos.review.run_stages import RunStages
-from automos.views.ground_map import thin_rows
+from automos.views.ground_map import moments_of, thin_rows
 
 CHOICES = ("moving", "static", "unknown", "undo")
 """What can be decided of a track; "undo" takes back what was decided of it before."""
@@ -104,14 +105,10 @@ LIFE = 0.25
 def cover_tracks(stages: RunStages, tracks: Iterable[int]) -> dict[int, dict[str, Cover]]:
     """Return what each of `tracks` (indices, from 0) covers: the rows of its points in some scans, by their names."""
     wanted: dict[int, list[int]] = defaultdict(list)
-    covers: dict[int, dict[str, Cover]] = {}
-    for track in tracks:
-        rows = stages.tracks.rows_of(track)
-        scans = stages.tracks.scan[rows][stages.tracks.is_observed[rows]]
-        last = max(len(scans) - 1, 0)
-        moments = np.unique(np.linspace(0, last, MOMENTS).round().astype(int))[: len(scans)]
-        covers[track] = {}
-        for i in scans[moments].tolist():
+    covers: dict[int, dict[str, Cover]] = {track: {} for track in tracks}
+    for track in covers:
+        scans = observed(stages.tracks[stages.tracks.rows_of(track)]).scan
+        for i in scans[moments_of(len(scans), MOMENTS)].tolist():
             wanted[i].append(track)
     for i in sorted(wanted):
         owner = stages.track_of_points(i)
@@ -153,31 +150,25 @@ def ever_decided(stages: RunStages, decisions: Iterable[Decision]) -> list[int]:
 
 def _holders(stages: RunStages, decision: Decision, owners: dict[str, np.ndarray]) -> list[int]:
     """Return the tracks that lie on the points of `decision`; `owners` keeps each scan's for the next decision."""
-    shared: dict[int, float] = defaultdict(float)
-    theirs: dict[int, float] = defaultdict(float)
-    ours: dict[int, float] = defaultdict(float)
-    scans: dict[int, int] = defaultdict(int)
-    index = {name: i for i, name in enumerate(stages.names)}
+    n = len(stages.tracks)
+    shared, theirs, ours, scans = np.zeros((4, n))
     for name, covered in decision.covers.items():
-        if name not in index or not covered.rows:
+        if name not in stages.index or not covered.rows:
             continue
         if name not in owners:
-            i = index[name]
+            i = stages.index[name]
             owners[name] = np.full(len(stages.labels(i)["label"]), -1, np.int64)
             owners[name][stages.kept(i)] = stages.track_of_points(i)
         owner = owners[name]
-        for track, n_points in zip(*np.unique(owner[owner >= 0], return_counts=True), strict=True):
-            theirs[int(track)] += n_points  # where nothing of it was decided on, too: it may only have brushed past
-        rows = [row for row in covered.rows if row < len(owner)]
-        for track, hits in zip(*np.unique(owner[rows], return_counts=True), strict=True):
-            if track >= 0:
-                shared[int(track)] += hits / len(covered.rows) * covered.n_points
-                ours[int(track)] += covered.n_points
-                scans[int(track)] += 1
-    return [
-        track
-        for track in sorted(shared)
-        if shared[track] > SHARED * ours[track]
-        and shared[track] > SHARED * theirs[track]
-        and scans[track] >= LIFE * len(decision.covers)
-    ]
+        theirs += _counted(owner, n)  # where nothing of it was decided on, too: it may only have brushed past
+        hits = _counted(owner[[row for row in covered.rows if row < len(owner)]], n)
+        shared += hits / len(covered.rows) * covered.n_points
+        ours += (hits > 0) * covered.n_points
+        scans += hits > 0
+    is_held = (shared > SHARED * np.maximum(ours, theirs)) & (scans >= LIFE * len(decision.covers))
+    return np.flatnonzero(is_held).tolist()
+
+
+def _counted(owner: npt.NDArray[np.int64], n: int) -> npt.NDArray[np.int64]:
+    """Return (n,) how many of the points whose track is `owner` (K,), -1 for none, each track has."""
+    return np.bincount(owner[owner >= 0], minlength=n)

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from automos.objects.detections import Detections
 from automos.objects.tracker import Tracker
+from automos.review.box_rows import as_rows
 from automos.settings import TrackingSettings
 
 FIRST_WINDOW = 5.0
@@ -79,26 +80,21 @@ def follow_ahead(
         while away[i] > window:
             window *= 2.0
         ahead = detect(i)
-        offered = _near(ahead, start + heading.velocity * away[i], heading.may_change * away[i])
+        off = np.linalg.norm(ahead.boxes.center[:, :2] - (start + heading.velocity * away[i]), axis=1)
+        offered = np.flatnonzero(off <= WIDTH + heading.may_change * away[i])
         if i == scan:
             track = int(np.searchsorted(offered, segment))  # the first scan's objects are numbered as they come
         rows = tracker.step(float(away[i]), _without_evidence(ahead[offered]))
-        row = np.flatnonzero(rows.track == track)
-        if not len(row):
+        if track not in rows.track:
             break
-        row = row[0]
+        row = int(np.argmax(rows.track == track))
         if rows.segment[row] < 0:
-            missed[i] = -1, np.array([*rows.center[row], *rows.size[row], rows.yaw[row]])
+            missed[i] = -1, as_rows(rows)[row]
             continue
-        own, boxes = int(offered[rows.segment[row]]), ahead.boxes  # the segment's own extent, not the filter's
-        found |= {**missed, i: (own, np.array([*boxes.center[own], *boxes.size[own], boxes.yaw[own]]))}
+        own = int(offered[rows.segment[row]])  # the segment's own extent, not the filter's
+        found |= {**missed, i: (own, as_rows(ahead.boxes)[own])}
         missed, seen = {}, i
     return found
-
-
-def _near(found: Detections, center: npt.NDArray[np.float64], may_be_off: float) -> npt.NDArray[np.int64]:
-    """Return the rows of the segments that are looked at: those around `center` (2,)."""
-    return np.flatnonzero(np.linalg.norm(found.boxes.center[:, :2] - center, axis=1) <= WIDTH + may_be_off)
 
 
 def _without_evidence(found: Detections) -> Detections:

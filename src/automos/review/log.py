@@ -60,9 +60,10 @@ def append_lines(folder: Path, lines: Iterable[dict[str, Any]]) -> None:
 
 def _append(path: Path, text: bytes) -> None:
     """Add `text` to a file, on disk when this returns; where that fails, nothing of it stays."""
-    with path.open("ab", buffering=0) as file:
-        size = file.tell()
-        line = b"\n" + text if size and not _ends_whole(path) else text  # after a line cut short by a crash
+    with path.open("ab+", buffering=0) as file:
+        size = file.seek(0, os.SEEK_END)
+        file.seek(max(size - 1, 0))
+        line = text if file.read(1) in (b"\n", b"") else b"\n" + text  # after a line cut short by a crash
         try:
             if file.write(line) < len(line):
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -123,9 +124,3 @@ def _warn(folder: Path, number: int, what: str, error: Exception) -> None:
         "%s, line %d is not %s (%s): it stays, but is passed over; correct it and label again to have it applied",
         folder / LOG_FILE, number, what, " ".join(str(error).split())[:200],
     )  # fmt: skip
-
-
-def _ends_whole(path: Path) -> bool:
-    with path.open("rb") as file:
-        file.seek(-1, os.SEEK_END)
-        return file.read(1) == b"\n"

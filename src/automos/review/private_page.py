@@ -7,6 +7,7 @@ file that only the reviewer may read, and the token at the end of the address st
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 from automos.core.atomic import faults_reported
@@ -21,8 +22,7 @@ def private_page(folder: Path, url: str) -> Iterator[Path]:
     path = folder / "open_review.html"
     with faults_reported(path):
         path.unlink(missing_ok=True)  # of a review that was killed
-        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+        with open(path, "x", encoding="utf-8", opener=partial(os.open, mode=0o600)) as file:
             file.write(
                 f'<!doctype html><title>AutoMOS review</title><meta http-equiv="refresh" content="0; url={url}">\n'
             )

@@ -11,18 +11,18 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
-from automos.core.scan import OBJECT
-from automos.core.upright_boxes import Boxes, points_in_boxes
+from automos.core.geometry import Array
+from automos.core.scan import OBJECT, Mask
 from automos.objects.boxes import fit_boxes
 from automos.objects.detections import Detections
-from automos.objects.labels import label_scans
 from automos.objects.tracking import TrackedObjects
 from automos.objects.tracks import Tracks
 from automos.objects.verdict import Verdict, Verdicts
 from automos.readers.box_truth import SOLE
+from automos.review.box_rows import as_box, as_rows, is_inside
 from automos.review.follow import follow_segment
 from automos.review.reshaping import Found, OnScan, Way
-from automos.review.run_stages import RunStages
+from automos.review.run_stages import Rows, RunStages
 
 REACH = 1.5
 """Metres around a click within which a point is looked for."""
@@ -30,10 +30,12 @@ GAP = 0.5
 """Metres between neighbours of a cluster where the run has no segment."""
 MAX_TALL = 4.5
 """Metres above its lowest point that a drawn box may hold."""
+MARGIN = 0.05
+"""Metres around a drawn box in which points are taken for its own."""
 MAX_GAP = 1.5
 """Seconds for which it may be out of sight: a person sees what it is taken for afterwards, and where it ends."""
-_NEW = -2
-"""Segment that a person drew, which the run does not have."""
+_NEW, _NONE = -2, np.zeros(0, np.int64)
+"""Segment that a person drew, which the run does not have; and the rows of no point."""
 
 
 class Proposer:
@@ -53,17 +55,14 @@ class Proposer:
         InputError
             Nothing stands there.
         """
-        rows, segment = self._cluster(index, x, y)
-        return self._followed(index, rows, segment, on_scan)
+        return self._followed(index, *self._cluster(index, x, y), on_scan)
 
-    def rows_at(self, index: int, x: float, y: float) -> npt.NDArray[np.int64]:
+    def rows_at(self, index: int, x: float, y: float) -> Rows:
         """Return the rows, of scan `index` as the recording has it, of the thing at (`x`, `y`); errors as of `at`."""
-        rows, segment = self._cluster(index, x, y)
+        segment, rows = self._cluster(index, x, y)
         if segment == _NEW:
             return self._stages.kept(index)[rows]
-        found = self.detections(index).boxes
-        box = np.array([*found.center[segment], *found.size[segment], found.yaw[segment]])
-        return self._painted(index, segment, box)
+        return self._painted(index, segment, as_rows(self.detections(index).boxes)[segment])
 
     def in_boxes(self, boxes: tuple[tuple[int, tuple[float, ...]], ...], on_scan: OnScan) -> Way:
         """Return what is in boxes that a person drew: scan, and x, y, length, width, yaw; level frame.
@@ -80,31 +79,31 @@ class Proposer:
             return self._between(upright, on_scan)
         ((index, box),) = upright.items()
         rows = self._rows_in(index, box)
-        return self._followed(index, rows, self._segment_of(index, rows), on_scan)
+        return self._followed(index, self._segment_of(index, rows), rows, on_scan)
 
     def from_segment(self, index: int, segment: int, on_scan: OnScan) -> Way:
         """Return `segment` of scan `index`, followed through time."""
-        return self._followed(index, self._rows_of_segment(index, segment), segment, on_scan)
+        return self._followed(index, segment, _NONE, on_scan)
 
     # ----------------------------------------------------------------------------------------------------- a cluster
-    def _cluster(self, index: int, x: float, y: float) -> tuple[npt.NDArray[np.int64], int]:
-        """Return the frame's rows of the thing nearest to a click, and its segment, `_NEW` if it has none."""
+    def _cluster(self, index: int, x: float, y: float) -> tuple[int, Rows]:
+        """Return the segment nearest to a click, or, if what is there has none, `_NEW` and its rows of the frame."""
         points, is_object = self._frame(index)
         away = np.hypot(points[:, 0] - x, points[:, 1] - y)
         near = np.flatnonzero(is_object & (away < REACH))
         if not len(near):
             raise InputError("nothing stands there: click on a point that is not ground, or draw a box")
         nearest = near[away[near].argmin()]
-        ids, stayed = self._segments(index)
+        ids, stayed = self._stages.segments(index)
         segment = ids[nearest] if ids[nearest] >= 0 else stayed[nearest]
         if segment >= 0:
-            return self._rows_of_segment(index, int(segment)), int(segment)
-        return _grown(points, is_object & (ids < 0), int(nearest)), _NEW
+            return int(segment), _NONE
+        return _NEW, _grown(points, is_object & (ids < 0), int(nearest))
 
-    def _segment_of(self, index: int, rows: npt.NDArray[np.int64]) -> int:
+    def _segment_of(self, index: int, rows: Rows) -> int:
         """Return the segment that `rows` are most of and that is most of `rows`, `_NEW` if there is none."""
         best, best_share = _NEW, 0.5
-        for ids in self._segments(index):
+        for ids in self._stages.segments(index):
             inside = ids[rows]
             held = np.bincount(inside[inside >= 0], minlength=1)
             segment = int(held.argmax())
@@ -113,12 +112,9 @@ class Proposer:
                 best, best_share = segment, share
         return best
 
-    def _rows_of_segment(self, index: int, segment: int) -> npt.NDArray[np.int64]:
-        ids, stayed = self._segments(index)
-        return np.flatnonzero((ids == segment) | (stayed == segment))
-
     # --------------------------------------------------------------------------------------------------- through time
-    def _followed(self, index: int, rows: npt.NDArray[np.int64], segment: int, on_scan: OnScan) -> Way:
+    def _followed(self, index: int, segment: int, rows: Rows, on_scan: OnScan) -> Way:
+        """Return a segment of scan `index`, or if it is `_NEW` what the frame's `rows` are, followed through time."""
         first = self.detections(index)
         if segment == _NEW:
             segment = len(first)
@@ -133,15 +129,16 @@ class Proposer:
         path = follow_segment(detect, stamps, index, segment, settings)
         seen = {i: (own, box) for i, (own, box) in path.items() if own >= 0}
 
-        def held(i: int) -> npt.NDArray[np.int64]:
+        def held(i: int) -> Rows:
             own, box = seen[i]
             is_drawn = i == index and own >= len(self.detections(index))
             return self._stages.kept(i)[rows] if is_drawn else self._painted(i, own, box)
 
         ways = [[i for i in seen if i >= index], [i for i in reversed(seen) if i < index]]
-        return self._way(ways, {i: box for i, (_, box) in seen.items()}, held, on_scan, True)
+        boxes = {i: box for i, (_, box) in seen.items()}
+        return Way(ways, boxes, self._owned(held, on_scan, len(boxes)), may_end=True)
 
-    def _between(self, boxes: dict[int, npt.NDArray[np.float64]], on_scan: OnScan) -> Way:
+    def _between(self, boxes: dict[int, Array], on_scan: OnScan) -> Way:
         keys = np.array(list(boxes))
         corners = np.array(list(boxes.values()))
         corners[:, 6] = np.unwrap(corners[:, 6], period=np.pi)  # a box turned by half a turn is the same box
@@ -149,51 +146,41 @@ class Proposer:
         scans = range(keys[0], keys[-1] + 1)
         between = {i: np.array([np.interp(stamps[i], stamps[keys], column) for column in corners.T]) for i in scans}
 
-        def held(i: int) -> npt.NDArray[np.int64]:
+        def held(i: int) -> Rows:
             return self._stages.kept(i)[self._rows_in(i, between[i], may_be_empty=True)]
 
-        return self._way([list(scans)], between, held, on_scan, False)
+        return Way([list(scans)], between, self._owned(held, on_scan, len(between)), may_end=False)
 
-    def _way(
-        self,
-        ways: list[list[int]],
-        boxes: dict[int, npt.NDArray[np.float64]],
-        held: Callable[[int], npt.NDArray[np.int64]],
-        on_scan: OnScan,
-        may_end: bool,
-    ) -> Way:
+    def _owned(self, held: Callable[[int], Rows], on_scan: OnScan, n_scans: int) -> Callable[[int], Found]:
+        """Return what gives the rows `held` in a scan, and whose they are, and tells of each scan once."""
+
+        @lru_cache(None)
         def found(i: int) -> Found:
-            on_scan(len(boxes))
+            on_scan(n_scans)
             rows = held(i)
             return rows, self._stages.owner_of_points(i)[rows]
 
-        return Way(ways, boxes, lru_cache(None)(found), may_end)
+        return found
 
-    def _painted(self, index: int, segment: int, box: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
+    def _painted(self, index: int, segment: int, box: Array) -> Rows:
         """Return the scan's rows that the run would have painted, had it found a moving track in this segment."""
-        stages = self._stages
-        one = np.zeros(1, np.int64)
+        one, upright = np.zeros(1, np.int64), as_box(box)
         fast = np.full((1, 3), np.inf)  # whatever counts as moving now
-        track = Tracks(one, np.array([index]), np.array([segment]), box[None, :3], box[None, 3:6], box[6:], fast)
+        where = upright.center, upright.size, upright.yaw
+        track = Tracks(one, np.array([index]), np.array([segment]), *where, fast)
         judged = Verdicts(np.array([Verdict.MOVING], np.int8), np.ones(1))
-        painted = label_scans(stages.scans, TrackedObjects(track, judged), stages.settings, 1, [index])
-        return np.flatnonzero(next(iter(painted))[1]["track"] == 0)
+        return np.flatnonzero(self._stages.painted(index, TrackedObjects(track, judged))["track"] == 0)
 
     # --------------------------------------------------------------------------------------------------- of one scan
-    def _frame(self, index: int) -> tuple[npt.NDArray, npt.NDArray[np.bool_]]:
-        kind = self._stages.stage("candidates").load(self._stages.names[index], "kind")["kind"]
-        return self._stages.frame(index).points_level, kind == OBJECT
+    def _frame(self, index: int) -> tuple[npt.NDArray, Mask]:
+        return self._stages.frame(index).points_level, self._stages.kinds(index) == OBJECT
 
-    def _segments(self, index: int) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
-        found = self._stages.stage("instances").load(self._stages.names[index], "ids", "stayed")
-        return found["ids"], found["stayed"]
-
-    def _upright(self, index: int, box: tuple[float, ...]) -> npt.NDArray[np.float64]:
+    def _upright(self, index: int, box: tuple[float, ...]) -> Array:
         """Return (7,): a box drawn on the ground (5,) as high as what stands in it."""
         points, is_object = self._frame(index)
         x, y, length, width, yaw = box
         tall = np.array([x, y, 0.0, max(length, 0.1), max(width, 0.1), 2e3, yaw])
-        inside = _inside(points, tall)
+        inside = is_inside(points, tall, MARGIN)
         standing = inside & is_object
         if not standing.any():
             raise InputError("nothing stands in that box: draw it around points that are not ground")
@@ -201,16 +188,16 @@ class Proposer:
         top = points[standing & (points[:, 2] < low + MAX_TALL), 2].max(initial=low + 0.1)
         return np.array([x, y, 0.5 * (low + top), tall[3], tall[4], top - low, yaw])
 
-    def _rows_in(self, index: int, box: npt.NDArray[np.float64], may_be_empty: bool = False) -> npt.NDArray[np.int64]:
+    def _rows_in(self, index: int, box: Array, may_be_empty: bool = False) -> Rows:
         """Return the frame's rows in an upright box (7,), without the ground under it."""
         points, is_object = self._frame(index)
         bottom = box[2] - 0.5 * box[5]
-        rows = np.flatnonzero(_inside(points, box) & (is_object | (points[:, 2] > bottom + SOLE)))
+        rows = np.flatnonzero(is_inside(points, box, MARGIN) & (is_object | (points[:, 2] > bottom + SOLE)))
         if not len(rows) and not may_be_empty:
             raise InputError("nothing stands in that box: draw it around points that are not ground")
         return rows
 
-    def _described(self, index: int, rows: npt.NDArray[np.int64]) -> Detections:
+    def _described(self, index: int, rows: Rows) -> Detections:
         """Return `rows` of a frame as a segment."""
         points, _ = self._frame(index)
         boxes = fit_boxes(points[rows], np.zeros(len(rows), np.int32), np.ones(1))
@@ -218,11 +205,7 @@ class Proposer:
         return Detections.of_objects(boxes, n, n, np.zeros(1))
 
 
-def _inside(points: npt.NDArray, box: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
-    return points_in_boxes(points, Boxes(box[None, :3], box[None, 3:6], box[6:], np.ones(1)), 0.05) >= 0
-
-
-def _grown(points: npt.NDArray, is_free: npt.NDArray[np.bool_], start: int) -> npt.NDArray[np.int64]:
+def _grown(points: npt.NDArray, is_free: Mask, start: int) -> Rows:
     """Return the rows of the free points that hang together with `start` without a gap."""
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree

@@ -27,6 +27,7 @@ from scipy.special import betaincinv, stdtrit
 
 LEVEL = 0.95
 """Share of samples whose interval holds the truth."""
+TAIL = 0.5 * (1.0 - LEVEL)
 
 
 @dataclass(frozen=True)
@@ -47,9 +48,8 @@ def share(n_hits: int, n_looks: int) -> Estimate:
     """Return the share of a population of which `n_hits` of `n_looks` random draws were (Clopper and Pearson)."""
     if n_looks == 0:
         return Estimate(0.5, 0.0, 1.0)
-    tail = 0.5 * (1.0 - LEVEL)
-    low = float(betaincinv(n_hits, n_looks - n_hits + 1, tail)) if n_hits else 0.0
-    high = float(betaincinv(n_hits + 1, n_looks - n_hits, 1.0 - tail)) if n_hits < n_looks else 1.0
+    low = float(betaincinv(n_hits, n_looks - n_hits + 1, TAIL)) if n_hits else 0.0
+    high = float(betaincinv(n_hits + 1, n_looks - n_hits, 1.0 - TAIL)) if n_hits < n_looks else 1.0
     return Estimate(n_hits / n_looks, low, high)
 
 
@@ -68,13 +68,12 @@ def total_of_moments(missed: npt.NDArray[np.float64], n_scans: npt.NDArray[np.in
     totals = n_scans * missed
     value, m = float(totals.sum()), len(totals)
     unseen = 1.0 - m / float(n_scans.sum())  # a recording of which every scan was looked at leaves nothing open
-    tail = 0.5 * (1.0 - LEVEL)
     if m > 1:
         variance = 0.5 * float((np.diff(totals) ** 2).sum()) * m / (m - 1) * unseen
-        spread = float(stdtrit(max(m // 2, 1), 1.0 - tail)) * np.sqrt(variance)
+        spread = float(stdtrit(max(m // 2, 1), 1.0 - TAIL)) * np.sqrt(variance)
     else:
         spread = value * unseen
-    rare = (1.0 - tail ** (1.0 / m)) * float(n_scans.sum()) * usual * unseen
+    rare = (1.0 - TAIL ** (1.0 / m)) * float(n_scans.sum()) * usual * unseen
     low = max(float(missed.sum()), value - spread)
     return Estimate(value, min(low, value), value + float(np.hypot(spread, rare)))
 

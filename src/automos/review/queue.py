@@ -6,17 +6,19 @@ verdict is wrong. Sorted by this number, the queue starts where a minute correct
 
 from collections import defaultdict
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
+from automos.objects.tracks import observed
 from automos.objects.verdict import Verdict
 from automos.review.amendments import Amendment
-from automos.review.apply import amended_entry
 from automos.review.log import append_lines, now, read_lines
-from automos.review.run_stages import Changes, RunStages, replaced, scans_of
+from automos.review.run_stages import Changes, RunStages, number_of, replaced, scans_of
+from automos.review.scenes import Subject, subject_of_amendment, subject_of_track
 
 ENOUGH = 0.8
 """Share of the doubtful points that the list holds: what is left is sure, one by one, and not worth a look."""
@@ -121,7 +123,7 @@ class Queue:
         What an object made by hand stands for is not listed, and counts as decided on.
         """
         rows = [{**row, "decided": changes.decided.get(k)} for k, row in enumerate(self._rows)]
-        dismissed = self._dismissed() if self.places else {}
+        dismissed = self._dismissed() if self.places else set()
         rows += [self._row_of_place(place, changes, dismissed) for place in self.places]
         order, n = most_telling(np.array([row["doubtful"] for row in rows], np.float64))
         found = [{**rows[k], "core": place < n} for place, k in enumerate(order.tolist())]
@@ -134,49 +136,36 @@ class Queue:
 
     # ------------------------------------------------------------------------------------------------------ the rows
     def _row_of_track(self, track: int) -> dict[str, Any]:
-        tracks, verdicts = self._stages.tracks, self._stages.verdicts
-        rows = np.r_[tracks.rows_of(track)]
-        seen = rows[tracks.is_observed[rows]] if tracks.is_observed[rows].any() else rows
-        ends = tracks.center[seen[[0, -1]], :2]
         return {
             "id": track + 1,
             "verdict": self._stages.verdict(track),
-            "confidence": round(float(verdicts.confidence[track]), 3),
+            "confidence": round(float(self._stages.verdicts.confidence[track]), 3),
             "points": round(float(self._stakes.points[track])),
             "doubtful": round(float(self._stakes.doubtful[track]), 1),
-            "seen": len(seen),
-            "first": int(tracks.scan[seen[0]]),
-            "last": int(tracks.scan[seen[-1]]),
-            "moved": round(float(np.linalg.norm(ends[1] - ends[0])), 1),
-            "size": tracks.size[seen].max(axis=0).round(1).tolist(),
+            **_path_of(subject_of_track(self._stages, track)),
         }
 
     def _row_of_amendment(self, amendment: Amendment) -> dict[str, Any]:
-        entry = amended_entry(self._stages, amendment)
-        boxes = entry["boxes"]
-        away = np.subtract(boxes[-1]["center"], boxes[0]["center"]) if boxes else np.zeros(3)
+        number = number_of(self._stages, amendment) + 1
         return {
-            "id": entry["id"],
+            "id": number,
             "made": amendment.how,
             "verdict": amendment.verdict,
             "decided": amendment.verdict,
             "confidence": 1.0,
             "points": sum(len(part.rows) for part in amendment.parts.values()),
             "doubtful": 0.0,
-            "seen": len(boxes),
-            "first": boxes[0]["scan"] if boxes else 0,
-            "last": boxes[-1]["scan"] if boxes else 0,
-            "moved": round(float(np.hypot(*away[:2])), 1),
-            "size": np.max([box["size"] for box in boxes] or [[0.0] * 3], axis=0).round(1).tolist(),
+            **_path_of(subject_of_amendment(self._stages, amendment, number)),
         }
 
-    def _row_of_place(self, place: dict[str, Any], changes: Changes, dismissed: dict[str, set[int]]) -> dict[str, Any]:
+    def _row_of_place(self, place: dict[str, Any], changes: Changes, dismissed: set[tuple[str, int]]) -> dict[str, Any]:
         shown = {key: place[key] for key in ("place", "sentence", "track", "scan", "at", "points")}
-        is_dismissed = not dismissed.get(place["scan"], set()).isdisjoint(self._points_of(place))
-        is_done = is_dismissed or self._is_mended(place, changes)
+        own, scan = set(self._points_of(place)), place["scan"]
+        mended = [one.parts[scan].rows.tolist() for one in changes.amendments if scan in one.parts]
+        is_done = any((scan, row) in dismissed for row in own) or not own.isdisjoint(chain(*mended))
         return {
             **shown,
-            "index": self._stages.index[place["scan"]],
+            "index": self._stages.index[scan],
             "doubtful": round(LOST_DOUBT * place["points"], 1),
             "decided": "done" if is_done else None,
         }
@@ -184,9 +173,8 @@ class Queue:
     def _is_gone(self, track: int) -> bool:
         if track not in self._gone:
             return False
-        rows = self._stages.tracks.rows_of(track)
-        seen = self._stages.tracks.scan[rows][self._stages.tracks.is_observed[rows]]
-        return set(seen.tolist()) <= self._gone[track]
+        seen = observed(self._stages.tracks[self._stages.tracks.rows_of(track)])
+        return set(seen.scan.tolist()) <= self._gone[track]
 
     # -------------------------------------------------------------------------------------------------------- places
     def place(self, number: int) -> dict[str, Any]:
@@ -201,26 +189,27 @@ class Queue:
         row = self._points_of(place)[0]
         append_lines(self._stages.folder, [{"kind": "dismissed", "at": now(), "scan": place["scan"], "row": row}])
 
-    def _dismissed(self) -> dict[str, set[int]]:
-        """Return the rows of points at which nothing was missed, by scan; the log is read once for all places."""
-        found = read_lines(
-            self._stages.folder, "dismissed", "a place", lambda fields: (str(fields["scan"]), int(fields["row"]))
-        )
-        rows: dict[str, set[int]] = defaultdict(set)
-        for scan, row in found:
-            rows[scan].add(row)
-        return rows
-
-    def _is_mended(self, place: dict[str, Any], changes: Changes) -> bool:
-        own = set(self._points_of(place))
-        parts = [one.parts[place["scan"]] for one in changes.amendments if place["scan"] in one.parts]
-        return any(own & set(part.rows.tolist()) for part in parts)
+    def _dismissed(self) -> set[tuple[str, int]]:
+        """Return the points at which nothing was missed: scan and row; the log is read once for all places."""
+        found = read_lines(self._stages.folder, "dismissed", "a place", lambda at: (str(at["scan"]), int(at["row"])))
+        return set(found)
 
     def _points_of(self, place: dict[str, Any]) -> list[int]:
         if "rows" not in place:
             index = self._stages.index[place["scan"]]
-            found = self._stages.stage("instances").load(place["scan"], "ids", "stayed")
-            own = (found["ids"] == place["segment"]) | (found["stayed"] == place["segment"])
+            own = np.equal(self._stages.segments(index), place["segment"]).any(axis=0)
             place["rows"] = self._stages.kept(index)[own].tolist()
         rows: list[int] = place["rows"]
         return rows
+
+
+def _path_of(subject: Subject) -> dict[str, Any]:
+    """Return what the list says of where something was seen."""
+    boxes = subject.boxes
+    return {
+        "seen": len(subject.scans),
+        "first": int(subject.scans[0]),
+        "last": int(subject.scans[-1]),
+        "moved": round(float(np.hypot(*(boxes[-1] - boxes[0])[:2])), 1),
+        "size": boxes[:, 3:6].max(axis=0).round(1).tolist(),
+    }

@@ -23,7 +23,7 @@ class Record:
 
     def __init__(self, run: RunFiles, stages: RunStages, waiting: Waiting):
         """Read the earlier decisions; InputError if the log is damaged."""
-        self._run, self._stages = run, stages
+        self.run, self.stages = run, stages
         self.changes, self.lost = read_changes(stages)
         self.queue = Queue(stages, note_concerns(stages, False))
         self.queue.note(self.changes)
@@ -54,18 +54,18 @@ class Record:
             self._log_decisions(found, verdict)
             by_hand = [made[track] for track in tracks if track in made]
             if by_hand:
-                append_verdicts(self._run.folder, now(), {one.key: verdict for one in by_hand})
+                append_verdicts(self.run.folder, now(), {one.key: verdict for one in by_hand})
                 self._reread()
-            self.writer.add(scans_of(self._stages, found, by_hand))
+            self.writer.add(scans_of(self.stages, found, by_hand))
 
     def _log_decisions(self, found: list[int], verdict: str) -> None:
         covers = cover_tracks(self._covering, found)
-        at, key, decided = now(), self._stages.keys["tracking"], dict(self.changes.decided)
-        decisions = []
-        for track in found:
-            decisions.append(Decision(at, track + 1, verdict, self._stages.verdict(track), key, covers[track]))
-            decided[track] = verdict
-        append_decisions(self._run.folder, decisions)
+        at, key = now(), self.stages.keys["tracking"]
+        append_decisions(
+            self.run.folder,
+            [Decision(at, track + 1, verdict, self.stages.verdict(track), key, covers[track]) for track in found],
+        )
+        decided = self.changes.decided | dict.fromkeys(found, verdict)
         held = {track: word for track, word in decided.items() if word != "undo"}
         self.changes = replace(self.changes, decided=held)
 
@@ -77,14 +77,14 @@ class Record:
     def make(self, amendments: list[Amendment], instead_of: Iterable[int] = ()) -> list[int]:
         """Log `amendments`, which stand for the objects `instead_of`; return their ids; errors as of `decide`."""
         with self._gated("what was made by hand"):
-            keys = new_keys(self._run.folder, len(amendments))
+            keys = new_keys(self.run.folder, len(amendments))
             keyed = [replace(one, key=key) for one, key in zip(amendments, keys, strict=True)]
             made = self.made_by_hand()
             gone = [made[number] for number in set(instead_of) & made.keys()]
-            append_amendments(self._run.folder, keyed)
-            append_verdicts(self._run.folder, now(), {one.key: "undo" for one in gone})
+            append_amendments(self.run.folder, keyed)
+            append_verdicts(self.run.folder, now(), {one.key: "undo" for one in gone})
             self._reread()
-            self.writer.add(scans_of(self._stages, [], [*keyed, *gone]))
+            self.writer.add(scans_of(self.stages, [], [*keyed, *gone]))
             return [self.number(one) for one in keyed]
 
     def _reread(self) -> None:
@@ -101,15 +101,11 @@ class Record:
         """
         with self._gate:  # nothing is decided meanwhile: what is in the log is in the results
             self.writer.finish()
-            note_applied(self._run.folder)
-
-    def end(self) -> None:
-        """Refuse all decisions from now on; called before `finish`, so that late ones get an answer at once."""
-        self._has_ended = True
+            note_applied(self.run.folder)
 
     def number(self, amendment: Amendment) -> int:
         """Return the id of an object made by hand."""
-        return number_of(self._stages, amendment) + 1
+        return number_of(self.stages, amendment) + 1
 
     def made_by_hand(self) -> dict[int, Amendment]:
         """Return the objects made by hand by their ids."""
@@ -117,7 +113,7 @@ class Record:
 
     def require(self, track: int) -> None:
         """Raise InputError unless an object, found or made by hand, has the id `track`."""
-        n_found = len(self._stages.tracks)
+        n_found = len(self.stages.tracks)
         if not 1 <= track <= n_found and track not in self.made_by_hand():
             raise InputError(f"there is no object {track}: they are numbered from 1 to {n_found}")
 

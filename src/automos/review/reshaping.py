@@ -4,25 +4,26 @@ Points that already belong to a moving object stay with it: where the path of th
 ends. Decisions change which these are and nothing else, so the way is found once, and what is free is asked anew.
 """
 
-from collections.abc import Callable, Iterable
+from collections import defaultdict
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
-from automos.core.upright_boxes import Boxes, points_in_boxes
 from automos.objects.boxes import fit_boxes
 from automos.objects.verdict import Verdict
 from automos.review.amendments import Amendment, Part
+from automos.review.box_rows import as_rows, is_inside
 from automos.review.log import now
-from automos.review.run_stages import Changes, RunStages, changed_labels, decided_verdicts, number_of
+from automos.review.run_stages import Changes, Rows, RunStages, changed_labels, decided_verdicts, number_of
 
 MIN_OWN = 0.5
 """Share of its points that must not move with something else already."""
 OnScan = Callable[[int], None]
 """Told of every scan that is looked at: of how many points are sought in, 0 while the way is; may raise to end it."""
-Found = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]
+Found = tuple[Rows, npt.NDArray[np.int64]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +69,7 @@ def proposed(stages: RunStages, way: Way, changes: Changes) -> Amendment:
             if way.may_end and i != way.scans[0][0] and len(free) < MIN_OWN * len(found):
                 break
             if len(free):
-                parts[stages.names[i]] = Part.of_box(free, way.boxes[i], stages.trajectory.T_level_sensor[i])
+                parts[stages.names[i]] = Part.of_box(free, way.boxes[i], stages.T_level_sensor[i])
     if not parts:
         raise InputError("what stands there moves already: choose it in the list")
     return Amendment("", now(), "added", "moving", dict(sorted(parts.items())))
@@ -82,15 +83,13 @@ def as_amendment(stages: RunStages, track: int, changes: Changes) -> Amendment:
     made = next((one for one in changes.amendments if number_of(stages, one) == track), None)
     if made is not None:
         return made
-    tracks = stages.tracks
+    here = stages.tracks[stages.tracks.rows_of(track)]
     painted = Changes({**changes.decided, track: "moving"}, changes.amendments)
     parts = {}
-    for row in range(*tracks.rows_of(track).indices(len(tracks.track))):
-        i = int(tracks.scan[row])
+    for i, box in zip(here.scan.tolist(), as_rows(here), strict=True):
         rows = np.flatnonzero(changed_labels(stages, i, painted)["track"] == track)
         if len(rows):
-            box = np.array([*tracks.center[row], *tracks.size[row], tracks.yaw[row]])
-            parts[stages.names[i]] = Part.of_box(rows, box, stages.trajectory.T_level_sensor[i])
+            parts[stages.names[i]] = Part.of_box(rows, box, stages.T_level_sensor[i])
     verdict = changes.decided.get(track, stages.verdict(track))
     if not parts:
         raise InputError(f"object {track + 1} has no points of its own left")
@@ -123,7 +122,7 @@ def split(stages: RunStages, one: Amendment, index: int, box: npt.NDArray[np.flo
     InputError
         All of it or nothing of it is in the box.
     """
-    T = stages.trajectory.T_level_sensor
+    T = stages.T_level_sensor
     if stages.names[index] not in one.parts:
         raise InputError("it is not in this scan: go to one in which it is, and draw the box there")
     at = one.parts[stages.names[index]].box_level(T[index])
@@ -135,40 +134,31 @@ def split(stages: RunStages, one: Amendment, index: int, box: npt.NDArray[np.flo
         turn = (own[6] - at[6] + 0.25 * np.pi) % (0.5 * np.pi) - 0.25 * np.pi
         c, s = np.cos(turn), np.sin(turn)
         center = own[:2] + np.array([[c, -s], [s, c]]) @ (box[:2] - at[:2])
-        drawn = np.array([*center, 0.0, box[2], box[3], 2e3])
-        frame, kept = stages.frame(i), stages.kept(i)
-        points = frame.points_level[np.searchsorted(kept, part.rows)]
-        carried = Boxes(drawn[None, :3], drawn[None, 3:], np.array([box[4] + turn]), np.ones(1))
-        inside = points_in_boxes(points, carried) >= 0
+        drawn = np.array([*center, 0.0, box[2], box[3], 2e3, box[4] + turn])
+        inside = is_inside(stages.points_level(i, part.rows), drawn)
         for half, mask in zip(halves, (inside, ~inside), strict=True):
             if mask.any():
-                half[name] = _fitted(stages, i, part.rows[mask], points[mask])
+                half[name] = _fitted(stages, i, part.rows[mask])
     if not all(halves):
         raise InputError("the box must hold a part of the object, and leave a part: draw it again")
     return [replace(one, key="", at=now(), how="split", parts=parts) for parts in halves]
 
 
-def join(stages: RunStages, several: Iterable[Amendment]) -> Amendment:
+def join(stages: RunStages, several: list[Amendment]) -> Amendment:
     """Return one object that is all of `several`; its verdict is that of the first."""
-    parts: dict[str, list[Part]] = {}
-    first, *others = several
-    for one in (first, *others):
+    parts: dict[str, list[Part]] = defaultdict(list)
+    for one in several:
         for name, part in one.parts.items():
-            parts.setdefault(name, []).append(part)
+            parts[name].append(part)
     joined = {}
     for name, these in sorted(parts.items(), key=lambda item: stages.index[item[0]]):
-        if len(these) == 1:
-            joined[name] = these[0]
-            continue
-        i = stages.index[name]
         rows = np.unique(np.concatenate([part.rows for part in these]))
-        points = stages.frame(i).points_level[np.searchsorted(stages.kept(i), rows)]
-        joined[name] = _fitted(stages, i, rows, points)
-    return replace(first, key="", at=now(), how="joined", parts=joined)
+        joined[name] = these[0] if len(these) == 1 else _fitted(stages, stages.index[name], rows)
+    return replace(several[0], key="", at=now(), how="joined", parts=joined)
 
 
-def _fitted(stages: RunStages, index: int, rows: npt.NDArray[np.int64], points: npt.NDArray) -> Part:
-    """Return the part of the points `rows` (K,), at `points` (K, 3) in the level frame, in the box that fits them."""
+def _fitted(stages: RunStages, index: int, rows: Rows) -> Part:
+    """Return the part of the points `rows` (K,) of scan `index`, in the box that fits them."""
+    points = stages.points_level(index, rows)
     found = fit_boxes(points, np.zeros(len(points), np.int32), np.ones(1))
-    box = np.array([*found.center[0], *found.size[0], found.yaw[0]])
-    return Part.of_box(rows, box, stages.trajectory.T_level_sensor[index])
+    return Part.of_box(rows, as_rows(found)[0], stages.T_level_sensor[index])

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.core.labels import Label
-from automos.core.scan import Frame, Sequence
+from automos.core.scan import Frame, Pose, Sequence
 from automos.core.workspace import Stage, Workspace, require_same
 from automos.objects.detections import Detections
 from automos.objects.labels import label_scans
@@ -24,6 +24,8 @@ from automos.odometry.trajectory import SequenceFrames, Trajectory
 from automos.review.amendments import Amendment
 from automos.settings import load_settings
 
+Rows = npt.NDArray[np.int64]
+"""Of the points of a scan as the recording has it, or of a frame."""
 CACHED = 40
 """Frames kept in memory, 2 MB each, so that looking at neighbours of a track reads no scan twice."""
 
@@ -61,13 +63,14 @@ class RunStages:
             )
         self.objects = TrackedObjects.from_arrays(self.stage("tracking").load("all"))
         self.tracks, self.verdicts = self.objects.tracks, self.objects.verdicts
-        self.frames = _CachedFrames(sequence, self.trajectory, self.stage("candidates"))
+        self.frames = _CachedFrames(self, sequence)
         self._validity = lru_cache(CACHED_BITS)(self._read_validity)
 
-    @cached_property
-    def scans(self) -> Scans:
-        """The scans with their stage results."""
-        return Scans(self.frames, self.names, self.stage("candidates"), self.stage("instances"))
+    def painted(self, index: int, objects: TrackedObjects) -> dict[str, npt.NDArray]:
+        """Return label, track and confidence (N,) of scan `index` as the pipeline writes them of these `objects`."""
+        scans = Scans(self.frames, self.names, self.stage("candidates"), self.stage("instances"))
+        ((_, per_point),) = label_scans(scans, objects, self.settings, 1, [index])
+        return dict(per_point)
 
     def stage(self, name: str) -> Stage:
         """Return the results of one stage."""
@@ -77,34 +80,45 @@ class RunStages:
         """Return the segments of scan `index`."""
         return Detections.from_arrays(self.stage("instances").load(self.names[index], *Detections.columns()))
 
+    def kinds(self, index: int) -> npt.NDArray[np.uint8]:
+        """Return (M,) what each point of frame `index` is: GROUND, OBJECT and so on."""
+        return self.stage("candidates").load(self.names[index], "kind")["kind"]
+
+    def segments(self, index: int) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+        """Return (M,) the segment of each point of frame `index`, and (M,) the one that has stayed; -1 for none."""
+        found = self.stage("instances").load(self.names[index], "ids", "stayed")
+        return found["ids"], found["stayed"]
+
     def frame(self, index: int) -> Frame:
         """Return frame `index`."""
         return self.frames[index]
+
+    def points_level(self, index: int, rows: npt.ArrayLike) -> npt.NDArray:
+        """Return (K, 3) the points of scan `index`, as the recording has it, that are its `rows`; level frame."""
+        frame = self.frame(index)
+        return frame.points_level[np.searchsorted(frame.kept, rows)]
+
+    @cached_property
+    def T_level_sensor(self) -> Pose:
+        """(N, 4, 4) where the sensor was at each scan."""
+        return self.trajectory.T_level_sensor
 
     def verdict(self, track: int) -> str:
         """Return what the pipeline found of `track` (index, from 0): "moving", "static" or "unknown"."""
         return Verdict(self.verdicts.verdict[track]).name.lower()
 
-    @cached_property
-    def track_of_segment(self) -> list[npt.NDArray[np.int64]]:
-        """Per scan, (K, 2): segments that belong to a track, and the track."""
-        tracks, seen = self.tracks, self.tracks.is_observed
-        scan = tracks.scan[seen]
-        order = np.argsort(scan, kind="stable")
-        pairs = np.column_stack([tracks.segment[seen], tracks.track[seen]])[order]
-        return np.split(pairs, np.searchsorted(scan[order], np.arange(1, len(self.names))))
-
     def track_of_points(self, index: int) -> npt.NDArray[np.int64]:
         """Return (M,) for each point of frame `index` the track whose segment it is in, -1 for none."""
-        found = self.stage("instances").load(self.names[index], "ids", "stayed")
-        segment = np.where(found["ids"] >= 0, found["ids"], found["stayed"])
-        track = np.full(int(segment.max(initial=-1)) + 2, -1, np.int64)  # -1 reads the last
-        pairs = self.track_of_segment[index]
-        pairs = pairs[pairs[:, 0] < len(track) - 1]
-        track[pairs[:, 0]] = pairs[:, 1]
+        ids, stayed = self.segments(index)
+        segment = np.where(ids >= 0, ids, stayed)
+        rows = self.tracks.rows_in_scan(index)
+        owned = self.tracks.segment[rows]
+        track = np.full(max(segment.max(initial=-1), owned.max(initial=-1)) + 2, -1)
+        track[owned] = self.tracks.track[rows]
+        track[-1] = -1  # of points without a segment, and tracks that were missed here
         return track[segment]
 
-    def kept(self, index: int) -> npt.NDArray[np.int64]:
+    def kept(self, index: int) -> Rows:
         """Return (M,) the rows of scan `index`, as the recording has it, that its frame's points are in."""
         packed, n_points = self._validity(index)
         return np.flatnonzero(np.unpackbits(packed, count=n_points))
@@ -128,21 +142,19 @@ class RunStages:
 class _CachedFrames(SequenceFrames):
     """Frames with a cache of the last ones; InputError for a scan that has changed."""
 
-    def __init__(self, sequence: Sequence, trajectory: Trajectory, candidates: Stage):
-        super().__init__(sequence, trajectory)
-        self._candidates, self._names = candidates, sequence.names
-        self._make = lru_cache(CACHED)(self._made)
+    def __init__(self, stages: RunStages, sequence: Sequence):
+        super().__init__(sequence, stages.trajectory)
+        self._stages, self._make = stages, lru_cache(CACHED)(self._made)
 
     def _made(self, index: int) -> Frame:
-        frame, name = super().__getitem__(index), self._names[index]
-        require_same(name, len(frame.points), self._candidates.load(name, "kind")["kind"])
+        frame = super().__getitem__(index)
+        require_same(self._stages.names[index], len(frame.points), self._stages.kinds(index))
         return frame
 
     def __getitem__(self, index: int) -> Frame:
         return self._make(int(index))
 
 
-_VERDICT = {"moving": Verdict.MOVING, "static": Verdict.STATIC, "unknown": Verdict.UNKNOWN}
 _LABEL = {"moving": Label.MOVING, "static": Label.STATIC, "unknown": Label.UNLABELED}
 TAKEN = 0.5
 """Share of a track's points in a scan from which an object made by hand replaces it there."""
@@ -185,18 +197,16 @@ def decided_labels(stages: RunStages, index: int, decided: dict[int, str]) -> di
 
     Points of a track that is unsure are unlabeled: neither moving nor static may be learnt from them.
     """
-    here = stages.tracks.track[stages.tracks.scan == index].tolist()
-    if all(decided.get(track, "static") == "static" == stages.verdict(track) or track not in decided for track in here):
+    here = stages.tracks.track[stages.tracks.rows_in_scan(index)].tolist()
+    is_new = any(not decided[track] == "static" == stages.verdict(track) for track in here if track in decided)
+    if not is_new:
         return stages.labels(index)  # a static track that a person calls static paints nothing either way
     verdicts = decided_verdicts(stages.verdicts, decided)
     unsure = np.array([track for track, verdict in decided.items() if verdict == "unknown"], np.int64)
     verdicts.verdict[unsure] = Verdict.MOVING  # painted as if it moved, to learn which points it has
-    objects = replace(stages.objects, verdicts=verdicts)
-    painted = label_scans(stages.scans, objects, stages.settings, 1, [index])
-    per_point = dict(next(iter(painted))[1])
+    per_point = stages.painted(index, replace(stages.objects, verdicts=verdicts))
     is_unsure = np.isin(per_point["track"], unsure)
-    per_point["label"] = np.where(is_unsure, np.uint8(Label.UNLABELED), per_point["label"])
-    per_point["track"] = np.where(is_unsure, np.int32(-1), per_point["track"])
+    per_point["label"][is_unsure], per_point["track"][is_unsure] = Label.UNLABELED, -1
     return per_point
 
 
@@ -217,7 +227,7 @@ def number_of(stages: RunStages, amendment: Amendment) -> int:
     return len(stages.tracks) + int(amendment.key[1:]) - 1
 
 
-def parts_in(stages: RunStages, index: int, changes: Changes) -> Iterator[tuple[Amendment, npt.NDArray[np.int64]]]:
+def parts_in(stages: RunStages, index: int, changes: Changes) -> Iterator[tuple[Amendment, Rows]]:
     """Yield the objects made by hand that are in scan `index`, each with its rows there."""
     name = stages.names[index]
     for amendment in changes.amendments:
@@ -230,5 +240,5 @@ def decided_verdicts(found: Verdicts, decided: dict[int, str]) -> Verdicts:
     """Return the verdicts after `decided`; what a person decided is certain."""
     verdict, confidence = found.verdict.copy(), found.confidence.copy()
     for track, word in decided.items():
-        verdict[track], confidence[track] = _VERDICT[word], 1.0
+        verdict[track], confidence[track] = Verdict[word.upper()], 1.0
     return replace(found, verdict=verdict, confidence=confidence)

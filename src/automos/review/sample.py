@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field, TypeAdapter
 
 from automos.core.atomic import write_text
@@ -15,13 +14,15 @@ from automos.core.errors import InputError
 from automos.core.labels import Label
 from automos.core.reading import checked, read_json
 from automos.core.run import Progress
+from automos.core.scan import Mask
 from automos.core.upright_boxes import Boxes, points_in_boxes
 from automos.core.workspace import RUN_FILE, Workspace
-from automos.objects.verdict import Verdict
+from automos.objects.tracks import observed
 from automos.review.apply import RECORD
+from automos.review.box_rows import as_box
 from automos.review.log import append_lines, key_of_changes, now, read_lines
 from automos.review.quality import Estimate, recall, share, total_of_moments
-from automos.review.run_stages import Changes, RunStages, changed_labels, decided_verdicts
+from automos.review.run_stages import Changes, Rows, RunStages, changed_labels, decided_verdicts
 
 SAMPLE_FILE = "sample.json"
 FRINGE = 0.5
@@ -32,8 +33,9 @@ LEAST = 10
 """Looks below which nothing can be said."""
 ANSWERS = ("moving", "static", "unknown")
 
-
 Kind = Literal["moving", "fringe", "moment"]
+_OF_POINTS: tuple[Kind, Kind] = ("moving", "fringe")
+"""Strata of which points are looked at, not moments."""
 
 
 @dataclass(frozen=True)
@@ -70,24 +72,19 @@ class Sample:
 
 
 _SAMPLE = TypeAdapter(Sample)
-_LOOK = ("kind", "index", "row", "n_scans")
 
 
-def strata(stages: RunStages, index: int, changes: Changes) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+def strata(stages: RunStages, index: int, changes: Changes) -> tuple[Mask, Mask]:
     """Return which points (N,) of scan `index` are labelled moving, and which are in the fringe of what is."""
     is_moving = changed_labels(stages, index, changes)["label"] == Label.MOVING
-    tracks = stages.tracks
-    verdict = decided_verdicts(stages.verdicts, changes.decided).verdict
-    rows = np.flatnonzero((tracks.scan == index) & (verdict[tracks.track] == Verdict.MOVING))
-    parts = [tracks.boxes[rows]]
+    here = stages.tracks[stages.tracks.rows_in_scan(index)]
+    parts = [here[decided_verdicts(stages.verdicts, changes.decided).is_moving[here.track]].boxes]
     for amendment in changes.amendments:
         part = amendment.parts.get(stages.names[index])
         if part is not None and amendment.verdict == "moving":
-            box = part.box_level(stages.trajectory.T_level_sensor[index])
-            parts.append(Boxes(box[None, :3], box[None, 3:6], box[6:], np.ones(1)))
-    is_fringe = np.zeros(len(is_moving), np.bool_)
-    inside = points_in_boxes(stages.frame(index).points_level, Boxes.concatenate(parts), FRINGE) >= 0
-    is_fringe[stages.kept(index)] = inside
+            parts.append(as_box(part.box_level(stages.T_level_sensor[index])))
+    is_fringe, frame = np.zeros(len(is_moving), np.bool_), stages.frame(index)
+    is_fringe[frame.kept] = points_in_boxes(frame.points_level, Boxes.concatenate(parts), FRINGE) >= 0
     return is_moving, is_fringe & ~is_moving
 
 
@@ -114,8 +111,7 @@ def draw(
         counts[:, i] = [mask.sum() for mask in strata(stages, i, changes)]
         progress("sample", i + 1, n)
     looks = []
-    strata_kinds: tuple[Kind, Kind] = ("moving", "fringe")
-    for kind, of_scans in zip(strata_kinds, counts, strict=True):
+    for kind, of_scans in zip(_OF_POINTS, counts, strict=True):
         if of_scans.sum():
             drawn = rng.integers(of_scans.sum(), size=round(SHARES[kind] * n_looks))
             looks += _looks_at(stages, changes, kind, of_scans, drawn)
@@ -126,15 +122,13 @@ def draw(
     return Sample(now(), labels, n_moving, n_fringe, _usual_size(stages, changes), looks)
 
 
-def _looks_at(
-    stages: RunStages, changes: Changes, kind: Kind, of_scans: npt.NDArray[np.int64], drawn: npt.NDArray[np.int64]
-) -> list[Look]:
+def _looks_at(stages: RunStages, changes: Changes, kind: Kind, of_scans: Rows, drawn: Rows) -> list[Look]:
     """Return looks at the points of a stratum that are numbered `drawn` through all scans, in that order."""
     starts = np.concatenate([[0], np.cumsum(of_scans)])
     scans = np.searchsorted(starts, drawn, side="right") - 1
     rows = np.zeros(len(drawn), np.int64)
     for i in np.unique(scans).tolist():
-        mask = strata(stages, i, changes)[("moving", "fringe").index(kind)]
+        mask = strata(stages, i, changes)[_OF_POINTS.index(kind)]
         here = scans == i
         rows[here] = np.flatnonzero(mask)[drawn[here] - starts[i]]
     return [Look(kind, int(i), int(row)) for i, row in zip(scans, rows, strict=True)]
@@ -142,14 +136,11 @@ def _looks_at(
 
 def _usual_size(stages: RunStages, changes: Changes) -> float:
     """Return how many points something moving has in a scan, in the middle."""
-    tracks = stages.tracks
-    verdict = decided_verdicts(stages.verdicts, changes.decided).verdict
-    rows = np.flatnonzero(tracks.is_observed & (verdict[tracks.track] == Verdict.MOVING))
+    is_moving = decided_verdicts(stages.verdicts, changes.decided).is_moving
+    moving = observed(stages.tracks[is_moving[stages.tracks.track]])
     sizes = [
-        stages.stage("instances").load(stages.names[i], "n_points")["n_points"][
-            tracks.segment[rows[tracks.scan[rows] == i]]
-        ]
-        for i in np.unique(tracks.scan[rows]).tolist()
+        stages.stage("instances").load(stages.names[i], "n_points")["n_points"][moving.segment[moving.scan == i]]
+        for i in np.unique(moving.scan).tolist()
     ]
     sizes += [[len(part.rows)] for one in changes.amendments if one.verdict == "moving" for part in one.parts.values()]
     return float(np.median(np.concatenate(sizes))) if sizes else 100.0
@@ -158,7 +149,7 @@ def _usual_size(stages: RunStages, changes: Changes) -> float:
 # ------------------------------------------------------------------------------------------------------ kept in files
 def save_sample(folder: Path, sample: Sample) -> None:
     """Write `sample` into `folder`."""
-    looks = [[look.kind, look.index, look.row, look.n_scans] for look in sample.looks]
+    looks = [list(vars(look).values()) for look in sample.looks]
     write_text(folder / SAMPLE_FILE, json.dumps({**vars(sample), "looks": looks}))
 
 
@@ -169,7 +160,7 @@ def read_sample(folder: Path) -> Sample | None:
         return None
     try:
         fields = read_json(path)
-        looks = [dict(zip(_LOOK, look, strict=True)) for look in fields["looks"]]
+        looks = [dict(zip(Look.__annotations__, look, strict=True)) for look in fields["looks"]]
         return checked(_SAMPLE, {**fields, "looks": looks})
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise InputError(f"{path} is damaged ({error}): remove it, and draw another with --sample") from None

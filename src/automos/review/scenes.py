@@ -8,11 +8,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.geometry import Array
 from automos.core.labels import Label
 from automos.core.scan import GROUND
+from automos.objects.tracks import observed
 from automos.review.amendments import Amendment
-from automos.review.run_stages import Changes, RunStages, changed_labels, number_of, parts_in, replaced
-from automos.views.ground_map import thin_rows
+from automos.review.apply import path_of
+from automos.review.box_rows import as_rows
+from automos.review.run_stages import Changes, Rows, RunStages, changed_labels, number_of, parts_in, replaced
+from automos.views.ground_map import moments_of, thin_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,36 +38,32 @@ class Subject:
     """
 
     id: int
-    scans: npt.NDArray[np.int64]
-    boxes: npt.NDArray[np.float64]
-    speed: npt.NDArray[np.float64]
-    own_rows: Callable[[int], npt.NDArray[np.int64]]
+    scans: Rows
+    boxes: Array
+    speed: Array
+    own_rows: Callable[[int], Rows]
 
 
 def subject_of_track(stages: RunStages, track: int) -> Subject:
     """Return `track` (index, from 0), where it was observed, or followed if it never was."""
-    tracks = stages.tracks
-    rows = np.r_[tracks.rows_of(track)]
-    seen = rows[tracks.is_observed[rows]]
-    rows = seen if len(seen) else rows
-    boxes = np.column_stack([tracks.center[rows], tracks.size[rows], tracks.yaw[rows]])
-    speed = np.hypot(*tracks.velocity[rows, :2].T)
-    return Subject(
-        track + 1, tracks.scan[rows], boxes, speed, lambda i: np.flatnonzero(stages.owner_of_points(i) == track)
-    )
+    followed = stages.tracks[stages.tracks.rows_of(track)]
+    here = observed(followed) if followed.is_observed.any() else followed
+
+    def own_rows(i: int) -> Rows:
+        return np.flatnonzero(stages.owner_of_points(i) == track)
+
+    return Subject(track + 1, here.scan, as_rows(here), np.hypot(*here.velocity[:, :2].T), own_rows)
 
 
 def subject_of_amendment(stages: RunStages, amendment: Amendment, id: int) -> Subject:
     """Return an object made by hand, or proposed to be."""
-    parts = {stages.index[name]: part for name, part in amendment.parts.items() if name in stages.index}
-    scans = np.array(sorted(parts), np.int64)
-    T, stamps = stages.trajectory.T_level_sensor, stages.trajectory.stamps
-    boxes = np.array([parts[i].box_level(T[i]) for i in scans.tolist()]).reshape(-1, 7)
-    speed = np.zeros(len(scans))
-    if len(scans) > 1:
-        speed = np.hypot(*np.gradient(boxes[:, :2], stamps[scans], axis=0).T)
-    nothing = np.zeros(0, np.int64)
-    return Subject(id, scans, boxes, speed, lambda i: parts[i].rows if i in parts else nothing)
+    scans, boxes, velocity = path_of(stages, amendment)
+
+    def own_rows(i: int) -> Rows:
+        part = amendment.parts.get(stages.names[i])
+        return np.zeros(0, np.int64) if part is None else part.rows
+
+    return Subject(id, scans, boxes, np.hypot(*velocity[:, :2].T), own_rows)
 
 
 MOMENTS = 28
@@ -74,6 +74,8 @@ MARGIN, MIN_HALF, MAX_HALF = 9.0, 11.0, 40.0
 """Metres shown beyond the ends of its path; half the side of the square shown, at least and at most."""
 HEIGHT = 6.0
 """Metres above and below the track's middle that are shown."""
+Moment = tuple[Array, npt.NDArray[np.uint8]]
+"""Points (M, 3) in metres, and the kind (M,) of each."""
 AROUND_GROUND, AROUND, OTHER_MOVING, OWN = 0, 1, 2, 3
 """What a point is to the track."""
 
@@ -84,18 +86,17 @@ def scene(stages: RunStages, subject: Subject, at: int = -1) -> dict[str, Any]:
     Positions are relative to `origin` (level frame, metres). `points` packs int16 x, y, z in centimetres, `kinds` a
     byte each, both base64, moment after moment; `starts` says where each moment begins.
     """
-    evenly = np.linspace(0, len(subject.scans) - 1, MOMENTS).round().astype(int)
-    shown = np.union1d(evenly, np.flatnonzero(subject.scans == at))
+    shown = np.union1d(moments_of(len(subject.scans), MOMENTS), np.flatnonzero(subject.scans == at))
     low, high = subject.boxes[:, :3].min(axis=0), subject.boxes[:, :3].max(axis=0)
     origin = 0.5 * (low + high)
     half = float(np.clip(0.5 * (high - low)[:2].max() + MARGIN, MIN_HALF, MAX_HALF))
     moments = [_moment(stages, int(subject.scans[k]), subject, origin, half) for k in shown]
-    stamps, T_level_sensor = stages.trajectory.stamps, stages.trajectory.T_level_sensor
+    stamps = stages.trajectory.stamps
     return {
         "track": subject.id,
         "half": half,
         "origin": origin.round(2).tolist(),
-        **pack_moments([points for points, _ in moments], [kinds for _, kinds in moments]),
+        **pack_moments(moments),
         "moments": [
             {
                 "scan": stages.names[i],
@@ -103,7 +104,7 @@ def scene(stages: RunStages, subject: Subject, at: int = -1) -> dict[str, Any]:
                 "time": round(float(stamps[i] - stamps[0]), 2),
                 "box": [*(box[:3] - origin).round(2).tolist(), *box[3:6].round(2).tolist(), round(float(box[6]), 3)],
                 "speed": round(float(speed), 1),
-                "sensor": (T_level_sensor[i, :3, 3] - origin).round(2).tolist(),
+                "sensor": (stages.T_level_sensor[i, :3, 3] - origin).round(2).tolist(),
             }
             for i, box, speed in zip(
                 subject.scans[shown].tolist(), subject.boxes[shown], subject.speed[shown], strict=True
@@ -112,8 +113,9 @@ def scene(stages: RunStages, subject: Subject, at: int = -1) -> dict[str, Any]:
     }
 
 
-def pack_moments(points: list[npt.NDArray], kinds: list[npt.NDArray[np.uint8]]) -> dict[str, Any]:
-    """Return points (M, 3) in metres and their kinds (M,), of some moments, as `scene` packs them."""
+def pack_moments(moments: list[Moment]) -> dict[str, Any]:
+    """Return some moments as `scene` packs them."""
+    points, kinds = zip(*moments, strict=True)
     centimetres = np.round(100.0 * np.concatenate(points)).astype("<i2")
     return {
         "starts": np.cumsum([0, *map(len, kinds)]).tolist(),
@@ -122,14 +124,12 @@ def pack_moments(points: list[npt.NDArray], kinds: list[npt.NDArray[np.uint8]]) 
     }
 
 
-def _moment(
-    stages: RunStages, scan: int, subject: Subject, origin: npt.NDArray, half: float
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.uint8]]:
-    """Return the points (M, 3) of a scan that lie around, relative to `origin`, and what each is to the subject."""
+def _moment(stages: RunStages, scan: int, subject: Subject, origin: Array, half: float) -> Moment:
+    """Return the points of a scan that lie around, relative to `origin`, and what each is to the subject."""
     frame = stages.frame(scan)
     near = np.flatnonzero((np.abs(frame.points_level - origin) < [half, half, HEIGHT]).all(axis=1))
     painted = stages.labels(scan)["track"][frame.kept[near]]
-    is_ground = stages.stage("candidates").load(stages.names[scan], "kind")["kind"][near] == GROUND
+    is_ground = stages.kinds(scan)[near] == GROUND
     is_own = np.isin(frame.kept[near], subject.own_rows(scan))
     kinds = np.select([is_own, painted >= 0, is_ground], [OWN, OTHER_MOVING, AROUND_GROUND], AROUND).astype(np.uint8)
     kept = np.concatenate([thin_rows(np.flatnonzero(~is_own), MAX_AROUND), thin_rows(np.flatnonzero(is_own), MAX_OWN)])
@@ -147,11 +147,11 @@ UNSURE = OWN
 def place(stages: RunStages, index: int, changes: Changes) -> dict[str, Any]:
     """Return scan `index` as the page draws it: as a scene of one moment, the sensor at its origin."""
     frame, labels = stages.frame(index), changed_labels(stages, index, changes)["label"]
-    kind = stages.stage("candidates").load(stages.names[index], "kind")["kind"]
+    is_ground = stages.kinds(index) == GROUND
     points = frame.points_level - frame.origin_level
     label = labels[frame.kept]
     kinds = np.select(
-        [label == Label.MOVING, kind == GROUND, label == Label.UNLABELED],
+        [label == Label.MOVING, is_ground, label == Label.UNLABELED],
         [OTHER_MOVING, AROUND_GROUND, UNSURE],
         AROUND,
     ).astype(np.uint8)
@@ -167,19 +167,16 @@ def place(stages: RunStages, index: int, changes: Changes) -> dict[str, Any]:
         "time": round(float(stages.trajectory.stamps[index] - stages.trajectory.stamps[0]), 2),
         "origin": frame.origin_level.round(3).tolist(),
         "boxes": _boxes(stages, index, changes),
-        **pack_moments([points[shown]], [kinds[shown]]),
+        **pack_moments([(points[shown], kinds[shown])]),
     }
 
 
 def _boxes(stages: RunStages, index: int, changes: Changes) -> list[tuple[int | float, ...]]:
     """Return the objects of scan `index`, found and made by hand: id, x, y, length, width, yaw; level frame."""
-    tracks, gone = stages.tracks, replaced(stages, index, changes)
-    rows = np.flatnonzero((tracks.scan == index) & ~np.isin(tracks.track, gone))
-    columns = np.column_stack([tracks.center[rows, :2], tracks.size[rows, :2], tracks.yaw[rows]]).round(3)
-    found = [(int(tracks.track[row]) + 1, *box) for row, box in zip(rows, columns.tolist(), strict=True)]
-    T = stages.trajectory.T_level_sensor[index]
-    made = [
-        (number_of(stages, one) + 1, *one.parts[stages.names[index]].box_level(T)[[0, 1, 3, 4, 6]].round(3).tolist())
-        for one, _ in parts_in(stages, index, changes)
-    ]
-    return found + made
+    name, T = stages.names[index], stages.T_level_sensor[index]
+    here = stages.tracks[stages.tracks.rows_in_scan(index)]
+    here = here[~np.isin(here.track, replaced(stages, index, changes))]
+    made = [one for one, _ in parts_in(stages, index, changes)]
+    ids = [*here.track.tolist(), *(number_of(stages, one) for one in made)]
+    boxes = np.vstack([as_rows(here), *(one.parts[name].box_level(T) for one in made)])[:, [0, 1, 3, 4, 6]]
+    return [(number + 1, *box) for number, box in zip(ids, boxes.round(3).tolist(), strict=True)]

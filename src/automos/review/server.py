@@ -39,6 +39,14 @@ MAX_CONNECTIONS = 64
 """At a time; a browser makes six."""
 _OWN = {file.name: file for file in files("automos.review").joinpath("page").iterdir()}
 _SHARED = ("look.css", "look.js")
+_GUARDS = {
+    "Content-Security-Policy": "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src data:",
+    "X-Frame-Options": "DENY",
+    "X-Content-Type-Options": "nosniff",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+"""What keeps other pages from showing or using an answer."""
 _KINDS = {"html": "text/html", "css": "text/css", "js": "text/javascript", "json": "application/json"}
 
 
@@ -140,6 +148,8 @@ class _Handler(BaseHTTPRequestHandler):
         """Answer; whatever a request makes stumble is refused in a sentence."""
         try:
             answer()
+        except AutomosError as error:
+            self._refuse(HTTPStatus.BAD_REQUEST, str(error))
         except (ConnectionError, TimeoutError):
             self.close_connection = True
         except Exception:
@@ -157,7 +167,7 @@ class _Handler(BaseHTTPRequestHandler):
         elif name in _SHARED:
             self._send(page_text(name), name)
         elif (ask := ASKED.get(name.removeprefix("api/"))) and name.startswith("api/"):
-            self._answer(lambda: ask(self.server.session, parse_qs(url.query)))
+            self._send(json.dumps(ask(self.server.session, parse_qs(url.query))), "answer.json")
         else:
             self._refuse(HTTPStatus.NOT_FOUND, "there is no such page")
 
@@ -176,7 +186,7 @@ class _Handler(BaseHTTPRequestHandler):
             return self._refuse(HTTPStatus.BAD_REQUEST, "that is not JSON")
         say = SAID.get(self.path.removeprefix("/api/"))
         if say and self.path.startswith("/api/") and isinstance(body, dict):
-            return self._answer(lambda: say(self.server.session, body))
+            return self._send(json.dumps(say(self.server.session, body) or {}), "answer.json")
         return self._refuse(HTTPStatus.NOT_FOUND, "there is nothing to decide here")
 
     # ------------------------------------------------------------------------------------------------- in and out
@@ -184,21 +194,18 @@ class _Handler(BaseHTTPRequestHandler):
         """Return whether the request comes from the page itself; refuse it otherwise."""
         port = self.server.server_port
         hosts = {f"{HOST}:{port}", f"localhost:{port}"}
-        origin = self.headers.get("Origin")
-        is_here = self.headers.get("Host") in hosts and (origin is None or origin in {f"http://{h}" for h in hosts})
-        if (
-            not is_here
-            or not self.path.startswith("/")
-            or not (self.headers.get("Sec-Fetch-Site", "none") in ("none", "same-origin") or self._is_by_private_page())
-        ):
-            self.close_connection = True
-            self._refuse(HTTPStatus.FORBIDDEN, "only the page itself may ask")
-            return False
-        if not self._knows_token():
-            self.close_connection = True
-            self._refuse(HTTPStatus.FORBIDDEN, "open the address that automos review printed, with its token")
-            return False
-        return True
+        origins = {None, *(f"http://{host}" for host in hosts)}
+        is_here = self.headers.get("Host") in hosts and self.headers.get("Origin") in origins
+        is_of_page = self.headers.get("Sec-Fetch-Site", "none") in ("none", "same-origin") or self._is_by_private_page()
+        if not (is_here and is_of_page and self.path.startswith("/")):
+            why = "only the page itself may ask"
+        elif not self._knows_token():
+            why = "open the address that automos review printed, with its token"
+        else:
+            return True
+        self.close_connection = True
+        self._refuse(HTTPStatus.FORBIDDEN, why)
+        return False
 
     def _is_by_private_page(self) -> bool:
         """Return whether the page is opened by its whole address, as by `private_page`, which is of no site."""
@@ -215,32 +222,24 @@ class _Handler(BaseHTTPRequestHandler):
         given = [*parse_qs(urlsplit(self.path).query).get("token", [])[:1], *([] if kept is None else [kept.value])]
         return any(hmac.compare_digest(one.encode(), token.encode()) for one in given)
 
-    def _answer(self, make: Any) -> None:
-        try:
-            self._send(json.dumps(make()), "answer.json")
-        except AutomosError as error:
-            self._refuse(HTTPStatus.BAD_REQUEST, str(error))
-
     def _refuse(self, status: HTTPStatus, why: str) -> None:
         self._send(json.dumps({"error": why}), "error.json", status)
 
     def _send(self, text: str, name: str, status: HTTPStatus = HTTPStatus.OK) -> None:
         content = text.encode()
         self.send_response(status)
-        self.send_header("Content-Type", f"{_KINDS[name.rsplit('.', 1)[-1]]}; charset=utf-8")
-        self.send_header("Content-Length", str(len(content)))
-        self.send_header(
-            "Content-Security-Policy", "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src data:"
-        )
-        self.send_header("X-Frame-Options", "DENY")
-        self.send_header("X-Content-Type-Options", "nosniff")
-        self.send_header("Cross-Origin-Resource-Policy", "same-origin")
-        self.send_header("Cache-Control", "no-store")
+        headers = {
+            "Content-Type": f"{_KINDS[name.rsplit('.', 1)[-1]]}; charset=utf-8",
+            "Content-Length": str(len(content)),
+            **_GUARDS,
+        }
         if name.endswith(".html"):
-            self.send_header("Set-Cookie", f"{self.server.cookie}; HttpOnly; SameSite=Strict; Path=/")
-            self.send_header("Referrer-Policy", "no-referrer")
+            headers["Set-Cookie"] = f"{self.server.cookie}; HttpOnly; SameSite=Strict; Path=/"
+            headers["Referrer-Policy"] = "no-referrer"
         if self.close_connection:
-            self.send_header("Connection", "close")
+            headers["Connection"] = "close"
+        for header in headers.items():
+            self.send_header(*header)
         self.end_headers()
         self.wfile.write(content)
 

@@ -1,7 +1,6 @@
 """A running review: what the page shows, the decisions, and the objects made by a person."""
 
 import threading
-from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -18,25 +17,19 @@ from automos.review.apply import is_applied, reapply
 from automos.review.log import now
 from automos.review.looking import open_sample
 from automos.review.proposals import Proposer
-from automos.review.queue import Queue
 from automos.review.record import Record
 from automos.review.reshaping import as_amendment, cut, join, split
-from automos.review.run_stages import Changes, RunStages
+from automos.review.run_stages import RunStages
 from automos.review.scenes import Subject, place, scene, subject_of_amendment, subject_of_track
 
 AHEAD = 3
 """Places made ahead: with those a person has for each the time that she looks at three others."""
 
 
-class Session:
+class Session(Record):
     """What there is to decide on, and everything that the page may ask or say."""
 
-    def __init__(
-        self,
-        run: RunFiles,
-        progress: Progress = lambda name, done, total: None,
-        n_looks: int | None = None,
-    ) -> None:
+    def __init__(self, run: RunFiles, progress: Progress = lambda name, done, total: None, n_looks: int | None = None):
         """Take a run; decisions made before are applied first, in case the last session was cut off.
 
         n_looks : looks of a random sample to draw, if a sample is to be answered.
@@ -46,26 +39,15 @@ class Session:
         InputError
             Results without stages, or a damaged log.
         """
-        self.run = run
-        self.stages = RunStages(run.folder, run.sequence)
+        stages = RunStages(run.folder, run.sequence)
         if not is_applied(run.folder):
             reapply(run.folder, run.sequence, progress)
         self._waiting = Waiting()
-        self.record = Record(run, self.stages, self._waiting)
+        super().__init__(run, stages, self._waiting)
         self._pictures = Pictures(run, self.stages, self.queue, self._waiting)
         self.proposals = Proposals(self.stages, lambda: self.changes, self._waiting)
         self.looking = None if n_looks is None else open_sample(self.stages, self.changes, n_looks, progress)
         self._reshaping = threading.Lock()  # what two people cut is cut once
-
-    @property
-    def changes(self) -> Changes:
-        """What was decided and made by hand, as it is now."""
-        return self.record.changes
-
-    @property
-    def queue(self) -> Queue:
-        """What there is to decide on, what holds most doubtful points first."""
-        return self.record.queue
 
     # ------------------------------------------------------------------------------------------------- what is shown
     def overview(self) -> dict[str, Any]:
@@ -100,26 +82,13 @@ class Session:
 
     def status(self) -> dict[str, Any]:
         """Return how many decisions hold, how many are to be written, what went wrong, and the IoU before and now."""
-        decided, writer = len(self.changes.decided) + len(self.changes.amendments), self.record.writer
+        decided, writer = len(self.changes.decided) + len(self.changes.amendments), self.writer
         state = {"waiting": writer.waiting, "problem": writer.problem, "finishing": writer.is_finishing}
-        return {**state, "decided": decided, "iou": self.record.gain.to_page()}
-
-    # ------------------------------------------------------------------------------------------------ what is decided
-    def decide(self, tracks: Iterable[int], verdict: str) -> None:
-        """Log the decision that the objects with ids `tracks` are `verdict`; errors as for `Record.decide`."""
-        self.record.decide(tracks, verdict)
-
-    def dismiss(self, number: int) -> None:
-        """Log that nothing was missed at the place with this number; InputError if there is none."""
-        self.record.dismiss(number)
-
-    def finish(self) -> None:
-        """Wait until everything is in the results, and write the report; errors as for `Record.finish`."""
-        self.record.finish()
+        return {**state, "decided": decided, "iou": self.gain.to_page()}
 
     def close(self) -> None:
         """Finish, and refuse whatever is decided from now on; errors as for `finish`."""
-        self.record.end()
+        self._has_ended = True  # late decisions are refused at once
         self._pictures.stop()
         self.proposals.stop()
         self.finish()
@@ -183,7 +152,7 @@ class Session:
             raise InputError("nothing of it is left: its end lies before its beginning")
         if verdict not in ("moving", "static", "unknown"):
             raise InputError(f"{verdict!r} is not a verdict: an object is moving, static or unknown")
-        (made,) = self.record.make([replace(proposal, at=now(), verdict=verdict, parts=parts)])
+        (made,) = self.make([replace(proposal, at=now(), verdict=verdict, parts=parts)])
         self.proposals.cancel()
         return made
 
@@ -191,37 +160,33 @@ class Session:
         """Cut the object with id `track` before scan `index`; return the ids of the halves; InputError if it cannot."""
         self._require_scan(index)
         with self._reshaping:
-            return self.record.make(cut(self.stages, self._whole(track), index), [track])
+            return self.make(cut(self.stages, self._whole(track), index), [track])
 
     def split(self, track: int, index: int, box: list[float]) -> list[int]:
         """Take what is in a box drawn in scan `index` out of an object; return two ids; InputError if it cannot."""
         self._require_scan(index)
         with self._reshaping:
-            return self.record.make(split(self.stages, self._whole(track), index, np.array(box, np.float64)), [track])
+            return self.make(split(self.stages, self._whole(track), index, np.array(box, np.float64)), [track])
 
     def join(self, tracks: list[int]) -> int:
         """Make one object of several; return its id; InputError if there are fewer than two."""
         if len(set(tracks)) < 2:
             raise InputError("two objects are needed to join them")
         with self._reshaping:
-            (made,) = self.record.make([join(self.stages, [self._whole(track) for track in tracks])], tracks)
+            (made,) = self.make([join(self.stages, [self._whole(track) for track in tracks])], tracks)
         return made
 
     def _whole(self, track: int) -> Amendment:
-        self.record.require(track)
+        self.require(track)
         return as_amendment(self.stages, track - 1, self.changes)
-
-    def number(self, amendment: Amendment) -> int:
-        """Return the id of an object made by hand."""
-        return self.record.number(amendment)
 
     # ----------------------------------------------------------------------------------------------------- conditions
     def _subject(self, track: int) -> Subject:
-        made = self.record.made_by_hand().get(track)
-        if made is not None:
-            return subject_of_amendment(self.stages, made, track)
-        self.record.require(track)
-        return subject_of_track(self.stages, track - 1)
+        self.require(track)
+        made = self.made_by_hand().get(track)
+        if made is None:
+            return subject_of_track(self.stages, track - 1)
+        return subject_of_amendment(self.stages, made, track)
 
     def _require_scan(self, index: int) -> None:
         if not 0 <= index < len(self.stages.names):

@@ -11,9 +11,7 @@ from automos.core.label_files import read_labels
 from automos.evaluation.moving import Counts, count
 from automos.results.run_files import RunFiles
 from automos.review.ahead import Waiting
-from automos.review.amendments import Amendment
-from automos.review.apply import rewrite_run, rewrite_scan
-from automos.review.decisions import Decision
+from automos.review.apply import Lost, rewrite_run, rewrite_scan
 from automos.review.run_stages import Changes, RunStages
 from automos.review.sample import note_quality
 from automos.views.report import write_report
@@ -75,14 +73,7 @@ REST = 0.4
 class Writer:
     """Writes scans that a decision concerns, then tracks.json and run.json, again and again until nothing is left."""
 
-    def __init__(
-        self,
-        run: RunFiles,
-        lost: list[Decision | Amendment],
-        changes: Callable[[], Changes],
-        gain: Gain,
-        waiting: Waiting,
-    ):
+    def __init__(self, run: RunFiles, lost: Lost, changes: Callable[[], Changes], gain: Gain, waiting: Waiting):
         """Take the run, decisions that find no track, what gives all changes as they are now, what counts the gain."""
         self._waiting = waiting
         self.problem: str | None = None
@@ -90,7 +81,6 @@ class Writer:
         self._run, self._lost, self._changes, self._gain = run, lost, changes, gain
         self._queue: Queue[Iterable[int] | None] = Queue()
         self._is_stale = False
-        self._finishing = threading.Lock()
         threading.Thread(target=self._work, daemon=True).start()
 
     @property
@@ -103,19 +93,18 @@ class Writer:
         self._queue.put(scans)
 
     def finish(self) -> None:
-        """Wait until everything is in the results, then write the report if anything was decided.
+        """Wait until everything is in the results, then write the report if anything was decided; one call at a time.
 
         Raises
         ------
         InputError
             Something could not be written. It is tried again when finishing next.
         """
-        with self._finishing:
-            self.is_finishing = True
-            try:
-                self._finish()
-            finally:
-                self.is_finishing = False
+        self.is_finishing = True
+        try:
+            self._finish()
+        finally:
+            self.is_finishing = False
 
     def _finish(self) -> None:
         if self.problem is not None:

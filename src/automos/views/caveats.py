@@ -1,5 +1,6 @@
 """What to know before trusting the results: one sentence on whether they can be, and those that say why."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -79,58 +80,38 @@ def caveats(
     T_level_sensor : (N, 4, 4).   stamps : (N,) seconds.   names : N, of the scans.
     counts : (3,) points unlabeled, static and moving.
     """
-    return [
-        *general_sentences(run),
-        *_jumps(T_level_sensor, stamps, names),
-        *_tilt(T_level_sensor),
-        *_points(counts),
-        *_unsure(tracks),
-    ]
+    return [*general_sentences(run), *_of_path(T_level_sensor, stamps, names), *_of_labels(counts, tracks)]
 
 
-def _jumps(T_level_sensor: Pose, stamps: npt.NDArray, names: list[str]) -> list[str]:
-    if len(stamps) < 3:
-        return []
+def _of_path(T_level_sensor: Pose, stamps: npt.NDArray, names: list[str]) -> Iterator[str]:
     velocity = np.diff(T_level_sensor[:, :3, 3], axis=0) / np.diff(stamps)[:, None]
     change = np.linalg.norm(np.diff(velocity, axis=0), axis=1)
-    worst = int(change.argmax())
-    if change[worst] < JUMP:
-        return []
-    return [
-        f"The poses jump: at scan {names[worst + 1]} the sensor's speed changes by {change[worst]:.0f} m/s within one "
-        "scan. Odometry slipped there; label again with poses of your own (--poses)."
-    ]
-
-
-def _tilt(T_level_sensor: Pose) -> list[str]:
+    if change.max(initial=0.0) >= JUMP:
+        yield (
+            f"The poses jump: at scan {names[change.argmax() + 1]} the sensor's speed changes by {change.max():.0f} "
+            "m/s within one scan. Odometry slipped there; label again with poses of your own (--poses)."
+        )
     tilt = float(np.median(np.degrees(np.arccos(np.clip(T_level_sensor[:, 2, 2], -1.0, 1.0)))))
-    if tilt < TILT:
-        return []
-    return [
-        f"The sensor is mounted at a tilt of {tilt:.0f}°. Boxes, heights and this page's map stand upright; if the "
-        "sensor was level, the ground was not found: look at the map."
-    ]
+    if tilt >= TILT:
+        yield (
+            f"The sensor is mounted at a tilt of {tilt:.0f}°. Boxes, heights and this page's map stand upright; if the "
+            "sensor was level, the ground was not found: look at the map."
+        )
 
 
-def _points(counts: npt.NDArray[np.int64]) -> list[str]:
+def _of_labels(counts: npt.NDArray[np.int64], tracks: list[dict[str, Any]]) -> Iterator[str]:
     unlabeled, static, moving = counts.tolist()
     total = max(unlabeled + static + moving, 1)
-    found = []
     if unlabeled > UNLABELED * total:
-        found.append(
+        yield (
             f"{100 * unlabeled / total:.0f} % of the points have no label: no return, the vehicle's own body, or (with "
             "--unsure) too little confidence."
         )
     if not moving:
-        found.append("Nothing was found to move. If something did, look at the map: are there poses?")
-    return found
-
-
-def _unsure(tracks: list[dict[str, Any]]) -> list[str]:
-    unsure = [track for track in tracks if track["verdict"] == "moving" and track["confidence"] < SURE]
-    if not unsure:
-        return []
-    return [
-        f"{len(unsure)} moving object{'s are' if len(unsure) > 1 else ' is'} judged with a confidence below {SURE:g}; "
-        "automos review shows them first."
-    ]
+        yield "Nothing was found to move. If something did, look at the map: are there poses?"
+    unsure = sum(track["verdict"] == "moving" and track["confidence"] < SURE for track in tracks)
+    if unsure:
+        yield (
+            f"{unsure} moving object{'s are' if unsure > 1 else ' is'} judged with a confidence below {SURE:g}; "
+            "automos review shows them first."
+        )

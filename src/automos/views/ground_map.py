@@ -10,6 +10,7 @@ import io
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -27,11 +28,6 @@ def palette_png(image: npt.NDArray[np.uint8], colors: npt.NDArray[np.uint8]) -> 
     picture.putpalette(colors.tobytes(), "RGBA")
     picture.save(file, "PNG", optimize=True)
     return file.getvalue()
-
-
-def data_url(png: bytes) -> str:
-    """Return `png` as the address of an image that is part of the page itself."""
-    return "data:image/png;base64," + base64.b64encode(png).decode()
 
 
 REACH = 60.0
@@ -74,23 +70,21 @@ class GroundMap:
             column, row = np.floor((points[:, :2] - self.low) / self.cell).T
             inside = (row >= 0) & (row < self.shape[0]) & (column >= 0) & (column < self.shape[1])
         kind, height = kinds[inside], points[inside, 2].astype(np.float32)
-        cells = row[inside].astype(np.int64), column[inside].astype(np.int64)
+        cells = np.stack([row[inside], column[inside]]).astype(np.int64)
         for layer, count in self._counts.items():
-            here = kind == layer
-            np.add.at(count, (cells[0][here], cells[1][here]), 1)
+            np.add.at(count, tuple(cells[:, kind == layer]), 1)
         is_still = kind <= STATIC
-        still = cells[0][is_still], cells[1][is_still]
+        still = tuple(cells[:, is_still])
         np.add.at(self._seen, still, 1)
         np.maximum.at(self._highest, still, height[is_still])
         np.minimum.at(self._lowest, still, height[is_still])
 
     def to_page(self) -> dict[str, Any]:
         """Return the layers that are not empty, lowest first, and their place: `low` (2,) and `cell`, metres."""
-        layers = {"static": data_url(palette_png(self._flipped(self._shade()), _static_colors()))}
+        layers = {"static": _picture(self._shade(), _static_colors())}
         for kind, (name, color) in LAYERS.items():
-            if self._counts[kind].any():
-                image = self._flipped(_levels(self._counts[kind]))
-                layers[name] = data_url(palette_png(image, _layer_colors(color)))
+            if self._counts[kind].any():  # 1 to 4 by the number of points
+                layers[name] = _picture(np.digitize(self._counts[kind], [1, 4, 16, 64]), _layer_colors(color))
         return {
             "layers": layers,
             "low": [round(float(v), 3) for v in self.low],
@@ -104,7 +98,7 @@ class GroundMap:
         tall = np.clip((self._highest - self._floor() - LOW) / (HIGH - LOW), 0.0, 1.0)
         shade = 1 + np.round(tall * (SHADES - 1)).astype(np.uint8)
         # Isolated points far away are noise that compresses badly.
-        return np.where(self._seen > (1 if self.cell > MIN_CELL else 0), shade, 0).astype(np.uint8)
+        return np.where(self._seen > (self.cell > MIN_CELL), shade, 0)
 
     def _floor(self) -> npt.NDArray[np.float32]:
         """Return (H, W) metres, the ground's height: of each square of `BLOCK` what a quarter of its cells are below.
@@ -113,23 +107,18 @@ class GroundMap:
         """
         block = max(1, round(BLOCK / self.cell))
         floor = np.zeros(self.shape, np.float32)
-        for top in range(0, self.shape[0], block):
-            for left in range(0, self.shape[1], block):
-                square = slice(top, top + block), slice(left, left + block)
-                lowest = self._lowest[square]
-                seen = lowest[np.isfinite(lowest)]
-                if len(seen):
-                    floor[square] = np.partition(seen, len(seen) // 4)[len(seen) // 4]
+        for top, left in product(*(range(0, side, block) for side in self.shape)):
+            square = slice(top, top + block), slice(left, left + block)
+            seen = self._lowest[square][np.isfinite(self._lowest[square])]
+            if len(seen):
+                floor[square] = np.partition(seen, len(seen) // 4)[len(seen) // 4]
         return floor
 
-    @staticmethod
-    def _flipped(image: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
-        return np.ascontiguousarray(image[::-1])  # north is up, rows go down
 
-
-def _levels(count: npt.NDArray[np.int32]) -> npt.NDArray[np.uint8]:
-    """Return 0 for empty cells and 1 to 4 by the number of points."""
-    return np.digitize(count, [1, 4, 16, 64]).astype(np.uint8)
+def _picture(image: npt.NDArray, colors: npt.NDArray[np.uint8]) -> str:
+    """Return `image` (H, W) with north up as the address of a picture that is part of the page itself."""
+    png = palette_png(image[::-1].astype(np.uint8), colors)
+    return "data:image/png;base64," + base64.b64encode(png).decode()
 
 
 def _static_colors() -> npt.NDArray[np.uint8]:
@@ -174,10 +163,10 @@ class Thumbnails:
             boxes = [box for box in track["boxes"] if box["observed"]] or track["boxes"]
             centers = np.array([box["center"][:2] for box in boxes])
             low, high = centers.min(axis=0), centers.max(axis=0)
-            reach = 0.5 * max(float((high - low).max()), 0.0) + 0.5 * max(boxes[0]["size"][:2]) + MARGIN
+            reach = 0.5 * float((high - low).max()) + 0.5 * max(boxes[0]["size"][:2]) + MARGIN
             half = float(np.clip(reach, MIN_HALF, MAX_HALF))
             self._pictures[track["id"]] = _Picture(0.5 * (low + high), half)
-            moments = np.unique(np.linspace(0, len(boxes) - 1, MOMENTS).round().astype(int))
+            moments = moments_of(len(boxes), MOMENTS)
             middle = moments[len(moments) // 2]
             for moment in moments.tolist():
                 shade = round(moment / max(len(boxes) - 1, 1) * (MOMENTS - 1))
@@ -221,6 +210,11 @@ class Thumbnails:
                 "half": round(picture.half, 2),
             }
         return page
+
+
+def moments_of(n: int, most: int) -> npt.NDArray[np.int64]:
+    """Return at most `most` of the numbers from 0 to `n` - 1, evenly, the first and the last among them."""
+    return np.unique(np.linspace(0, n - 1, most).round().astype(int)) if n else np.zeros(0, np.int64)
 
 
 def thin_rows(rows: npt.NDArray, most: int) -> npt.NDArray:

@@ -8,15 +8,16 @@ from contextlib import suppress
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from automos.core.geometry import quaternion_of, transform
+from automos.core.geometry import make_transform, quaternion_of, transform
 from automos.core.labels import Label
 from automos.core.scan import Pose, Scan
 from automos.labeler import LabelledScan
 from automos.readers.formats import import_extra
 from automos.readers.point_cloud2 import packed_rows
 from automos.views.ground_map import thin_rows
-from automos.views.rerun_layout import load_rerun, world_view
+from automos.views.rerun_layout import laid_out, load_rerun, world_view
 from automos.views.rerun_log import show_boxes, show_classes, show_sensor, show_velocities
 from automos.views.topdown import verdicts
 from automos.views.viewer import Viewer
@@ -84,12 +85,7 @@ def _blueprint(rr: Any) -> Any:
     rrb = rr.blueprint
     world = world_view(rrb, EYE, (6.0, 0.0, 0.0))
     curve = rrb.TimeSeriesView(name="objects that move", origin="/curves/moving_objects")
-    return rrb.Blueprint(
-        rrb.Vertical(world, curve, row_shares=[5, 1]),
-        rrb.TimePanel(state="collapsed", timeline="scan", play_state="Following"),
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-    )
+    return laid_out(rrb, rrb.Vertical(world, curve, row_shares=[5, 1]), play_state="Following")
 
 
 WORLD, LIDAR = "world", "lidar"
@@ -130,26 +126,22 @@ class FoxgloveView:
         """Send a scan and its labels."""
         m, nanoseconds = self._m, max(round(1e9 * given.stamp), 0)
         time = m.Timestamp(sec=nanoseconds // 10**9, nsec=nanoseconds % 10**9)
-        place, turn = self._parts(given.pose)
+        where = {"translation": self._vector(given.pose[:3, 3]), "rotation": self._turn(given.pose)}
         self._driven.append(self._pose(given.pose))
-        self._tf.log(
-            m.FrameTransform(
-                timestamp=time,
-                parent_frame_id=WORLD,
-                child_frame_id=LIDAR,
-                translation=place,
-                rotation=turn,
+        for channel, message in (
+            (
+                self._tf,
+                m.FrameTransform(timestamp=time, parent_frame_id=WORLD, child_frame_id=LIDAR, **where),
             ),
-            log_time=nanoseconds,
-        )
-        self._points.log(self._cloud(scan, given, time), log_time=nanoseconds)
-        self._path.log(m.PosesInFrame(timestamp=time, frame_id=WORLD, poses=list(self._driven)), log_time=nanoseconds)
-        self._objects.log(self._scene(given, time), log_time=nanoseconds)
+            (self._points, self._cloud(scan, given, time)),
+            (self._path, m.PosesInFrame(timestamp=time, frame_id=WORLD, poses=list(self._driven))),
+            (self._objects, self._scene(given, time)),
+        ):
+            channel.log(message, log_time=nanoseconds)
 
     def _cloud(self, scan: Scan, given: LabelledScan, time: Any) -> Any:
-        columns = {
-            name: c for name, c in scan_columns(scan, scan.points).items() if name in ("x", "y", "z", "intensity")
-        }
+        found = scan_columns(scan, scan.points)
+        columns = {name: column for name, column in found.items() if name not in ("time", "ring")}
         columns |= {"label": given.labels, "track": (given.track_ids + 1).astype(np.uint32)}
         rows = packed_rows({name: column[scan.is_valid] for name, column in columns.items()})
         kinds = {"f4": "Float32", "u1": "Uint8", "u4": "Uint32"}
@@ -177,21 +169,17 @@ class FoxgloveView:
         entities = []
         for thing in given.objects:
             c, s = np.cos(thing["yaw"]), np.sin(thing["yaw"])
-            T = np.eye(4)
-            T[:2, :2], T[:3, 3] = [[c, -s], [s, c]], thing["center"]
-            size = m.Vector3(**dict(zip("xyz", thing["size"].tolist(), strict=True)))
-            cube = m.CubePrimitive(
-                pose=self._pose(T), size=size, color=m.Color(**dict(zip("rgba", _COLOR, strict=True)))
-            )
+            T = make_transform([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], thing["center"])
+            size, color = self._vector(thing["size"]), m.Color(**dict(zip("rgba", _COLOR, strict=True)))
+            cube = m.CubePrimitive(pose=self._pose(T), size=size, color=color)
             entities.append(m.SceneEntity(timestamp=time, frame_id=WORLD, id=str(thing["track"]), cubes=[cube]))
         return m.SceneUpdate(deletions=[everything], entities=entities)
 
     def _pose(self, T: Pose) -> Any:
-        place, turn = self._parts(T)
-        return self._m.Pose(position=place, orientation=turn)
+        return self._m.Pose(position=self._vector(T[:3, 3]), orientation=self._turn(T))
 
-    def _parts(self, T: Pose) -> tuple[Any, Any]:
-        """Return the vector and the quaternion of a (4, 4) transform."""
-        place, turn = T[:3, 3].tolist(), quaternion_of(T).tolist()
-        vector = self._m.Vector3(**dict(zip("xyz", place, strict=True)))
-        return vector, self._m.Quaternion(**dict(zip("xyzw", turn, strict=True)))
+    def _turn(self, T: Pose) -> Any:
+        return self._m.Quaternion(**dict(zip("xyzw", quaternion_of(T).tolist(), strict=True)))
+
+    def _vector(self, values: npt.NDArray) -> Any:
+        return self._m.Vector3(**dict(zip("xyz", values.tolist(), strict=True)))

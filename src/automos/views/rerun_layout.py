@@ -69,16 +69,16 @@ def blueprint(T_level_sensor: Pose, has_truth: bool, moving: tuple[int, int]) ->
         axis = rrb.ScalarAxis(range=(0.0, 1.0))
         curves.append(rrb.TimeSeriesView(name="IoU against the truth", origin="/curves/iou", axis_y=axis))
     side = rrb.Vertical(rrb.TextDocumentView(name="run", origin="/run"), *curves)
+    play = {"fps": 10.0, "play_state": "Playing", "loop_mode": "Selection"}
+    selection = rr.encodings.AbsoluteTimeRange(*moving)
+    return laid_out(rrb, rrb.Horizontal(world, side, column_shares=[3, 1]), time_selection=selection, **play)
+
+
+def laid_out(rrb: Any, views: Any, **time: Any) -> Any:
+    """Return the layout of `views` with all panels closed; `time` says how the scans are played."""
     return rrb.Blueprint(
-        rrb.Horizontal(world, side, column_shares=[3, 1]),
-        rrb.TimePanel(
-            state="collapsed",
-            timeline="scan",
-            fps=10.0,
-            play_state="Playing",
-            loop_mode="Selection",
-            time_selection=rr.encodings.AbsoluteTimeRange(*moving),
-        ),
+        views,
+        rrb.TimePanel(state="collapsed", timeline="scan", **time),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
     )

@@ -22,7 +22,6 @@ MAX_THUMBNAILS = 900
 """Tracks that get a picture; the least certain and all that moves go first."""
 MAX_BOXES = 40_000
 """Boxes of moving tracks that the map can play back; of more, every second scan is kept, or every third."""
-_CLASSES = (Label.UNLABELED, Label.STATIC, Label.MOVING)
 
 
 def survey(run: RunFiles) -> dict[str, Any]:
@@ -43,17 +42,17 @@ def survey(run: RunFiles) -> dict[str, Any]:
     del told
     drawn = {row["id"] for row in sorted(rows, key=lambda row: row["verdict"] == "static")[:MAX_THUMBNAILS]}
     ground, pictures = GroundMap(path), Thumbnails(track for track in run.each_track() if track["id"] in drawn)
-    points, sure, truth = np.zeros((n, len(_CLASSES)), np.int64), _Sureness(rows), _Truth(n)
+    points, sure, truth = np.zeros((n, len(Label)), np.int64), _Sureness(rows), _Truth(run)
     for i in run.each("report"):
         scan = run.scan(i)
         packed = run.packed(i, len(scan))
         labels = to_mos(packed)
-        points[i] = [(labels == label).sum() for label in _CLASSES]
+        points[i] = [(labels == label).sum() for label in Label]
         level = transform(T_level_sensor[i], run.points_at_pose(scan, i))
         is_shown = scan.is_valid & (labels != Label.UNLABELED)
         owners = run.stored.tracks(run.names[i], packed)
         sure.add(labels, owners)
-        kinds = truth.compare(i, run, labels, scan.points, owners)
+        kinds = truth.compare(i, labels, scan.points, owners)
         ground.add(level[is_shown], kinds[is_shown])
         pictures.add(i, level[scan.is_valid])
     warnings = caveats(about, rows, T_level_sensor, run.stamps, run.names, points.sum(axis=0))
@@ -148,11 +147,10 @@ class _Sureness:
         """Count the moving points of a scan that are on an object: `labels` and `owners` (N,)."""
         if owners is not None:
             ids, counts = np.unique(owners[(labels == Label.MOVING) & (owners > 0)], return_counts=True)
-            known = [
-                (self._sure[track], n) for track, n in zip(ids.tolist(), counts, strict=True) if track in self._sure
-            ]
-            self._points += sum(int(n) for _, n in known)
-            self._right += sum(confidence * float(n) for confidence, n in known)
+            for track, n in zip(ids.tolist(), counts.tolist(), strict=True):
+                if track in self._sure:
+                    self._points += n
+                    self._right += self._sure[track] * n
 
     @property
     def expected(self) -> float | None:
@@ -163,16 +161,14 @@ class _Sureness:
 class _Truth:
     """Counts against the ground truth, if there is any."""
 
-    def __init__(self, n_scans: int):
-        self._counts = Counts()
+    def __init__(self, run: RunFiles):
+        self._sequence, self._counts = run.sequence, Counts()
         self._overlaps = [Overlaps.empty()]
-        self._per_scan = np.full((n_scans, 3), -1, np.int64)
+        self._per_scan = np.full((len(run), 3), -1, np.int64)
 
-    def compare(
-        self, index: int, run: RunFiles, labels: npt.NDArray, points: npt.NDArray, owners: npt.NDArray | None
-    ) -> npt.NDArray[np.uint8]:
+    def compare(self, index: int, labels: npt.NDArray, points: npt.NDArray, owners: npt.NDArray | None) -> npt.NDArray:
         """Count the labels of a scan against its ground truth; return what the map draws for each point."""
-        truth = run.sequence.truth(index)
+        truth = self._sequence.truth(index)
         if truth is None:
             return verdicts(labels, None)
         with np.errstate(invalid="ignore", over="ignore"):
