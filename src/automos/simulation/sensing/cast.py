@@ -75,8 +75,10 @@ class Caster:
         origin, direction = np.empty((2, len(pattern.direction), 3), np.float32)
         _carry(pattern.direction, pattern.column, T_site_sensor, origin, direction)
         self.still.cast(origin, direction, hits, None, chance)
+        T_middle = T_site_sensor[len(T_site_sensor) // 2]
+        drift = float(np.linalg.norm(T_site_sensor[[0, -1], :3, 3] - T_middle[:3, 3], axis=1).max())
         for body in self._bodies(*times):
-            where = _around(body, T_site_sensor)
+            where = _around(body, T_middle, drift)
             rows = _near(pattern.by_sector, pattern.sector_starts, origin, direction, hits.distance, *where)
             if len(rows):
                 own_origin, own = np.empty((2, len(rows), 3), np.float32)
@@ -112,14 +114,15 @@ def _carry(direction, column_of, poses, origins, turned):  # type: ignore[no-unt
             origins[i, k] = T[k, 3]
 
 
-def _around(body: _Body, T_site_sensor: Array) -> tuple[int, int, Array, float]:
-    """Return the first and the number of sectors whose beams may hit `body`, and its sphere over the whole sweep."""
+def _around(body: _Body, T_middle: Array, drift: float) -> tuple[int, int, Array, float]:
+    """Return the first and the number of sectors whose beams may hit `body`, and its sphere over the whole sweep.
+
+    `T_middle` is where the sensor is at mid-sweep, `drift` the metres that it moves during half the sweep.
+    """
     middle = transforms(0.5 * (body.start + body.end))
     center = middle[:3, :3] @ body.thing.center + middle[:3, 3]
     own_motion = 0.5 * float(np.linalg.norm(body.end[:3] - body.start[:3]))
     radius = body.thing.radius * (1.0 + 0.6 * abs(body.end[3] - body.start[3])) + own_motion
-    T_middle = T_site_sensor[len(T_site_sensor) // 2]
-    drift = np.linalg.norm(T_site_sensor[[0, -1], :3, 3] - T_middle[:3, 3], axis=1).max()
     x, y, _ = inverse(T_middle)[:3] @ [*center, 1.0]
     away, wide = np.hypot(x, y), radius + drift
     half = np.pi if wide >= away else np.arcsin(wide / away) + _OWN_TURN
