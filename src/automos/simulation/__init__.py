@@ -5,12 +5,11 @@
 >>> scan, labels = sequence[3], sequence.truth(3)
 """
 
-from difflib import get_close_matches
-
 from automos.core.errors import InputError
 from automos.simulation.conditions import MOUNTS, Conditions
 from automos.simulation.merged import MergedSequence
 from automos.simulation.recorders import Convention, Recorded, write_recorded
+from automos.simulation.recorders.convention import hint
 from automos.simulation.scenarios import LONG
 from automos.simulation.scenarios import SCENARIOS as _SCENARIOS
 from automos.simulation.sensing.sensors import SENSORS as _SENSORS
@@ -64,7 +63,14 @@ def simulate(
     InputError
         A name is unknown or a number out of range.
     """
-    return _sequence(scenario, sensor, n_scans, seed, compensated, Conditions())
+    for what, name, known in (("scenario", scenario, SCENARIOS), ("sensor", sensor, SENSORS)):
+        if name not in known:
+            raise InputError(f"{what} {name!r} is unknown{hint(name, known)}; choose one of: {', '.join(known)}.")
+    if not 1 <= n_scans <= MAX_SCANS:
+        raise InputError(f"n_scans is {n_scans}; a simulation has 1 to {MAX_SCANS:,} scans.")
+    if seed < 0:
+        raise InputError(f"seed is {seed}; give 0 or a positive integer.")
+    return SimulatedSequence(scenario, _SENSORS[sensor], n_scans, seed, compensated, Conditions())
 
 
 def record(
@@ -106,25 +112,7 @@ def record(
     """
     if not 1 <= n_lidars <= len(MOUNTS):
         raise InputError(f"n_lidars is {n_lidars}; give 1 to {len(MOUNTS)}.")
-    sequence = _sequence(scenario, sensor, n_scans, seed, False, conditions or Conditions())
-    turns = sequence if n_lidars == 1 else MergedSequence(sequence, n_lidars)
+    plain = simulate(scenario, sensor, n_scans, seed)
+    given = scenario, plain.sensor, n_scans, seed, plain.compensated, conditions or Conditions()
+    turns = SimulatedSequence(*given) if n_lidars == 1 else MergedSequence(*given, n_lidars)
     return Recorded(turns, convention or Convention(), seed)
-
-
-def _sequence(
-    scenario: str, sensor: str, n_scans: int, seed: int, compensated: bool, conditions: Conditions
-) -> SimulatedSequence:
-    _check_name("scenario", scenario, SCENARIOS)
-    _check_name("sensor", sensor, SENSORS)
-    if not 1 <= n_scans <= MAX_SCANS:
-        raise InputError(f"n_scans is {n_scans}; a simulation has 1 to {MAX_SCANS:,} scans.")
-    if seed < 0:
-        raise InputError(f"seed is {seed}; give 0 or a positive integer.")
-    return SimulatedSequence(scenario, _SENSORS[sensor], n_scans, seed, compensated, conditions)
-
-
-def _check_name(what: str, name: str, known: tuple[str, ...]) -> None:
-    if name not in known:
-        near = get_close_matches(name, known, 1)
-        hint = f" (did you mean {near[0]}?)" if near else ""
-        raise InputError(f"{what} {name!r} is unknown{hint}; choose one of: {', '.join(known)}.")

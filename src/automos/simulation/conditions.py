@@ -8,6 +8,7 @@ import numpy.typing as npt
 from automos.core.errors import InputError
 from automos.simulation.rigs import RIGS
 from automos.simulation.sensing.returns import WEATHER
+from automos.simulation.traffic.motion import transforms
 
 MOUNTS = np.array(
     [
@@ -51,6 +52,4 @@ class Conditions:
     @property
     def T_first_mount(self) -> npt.NDArray[np.float64]:
         """(4, 4): from this LiDAR's frame to the first one's."""
-        from automos.simulation.traffic.motion import transforms
-
         return transforms(MOUNTS[self.mount])

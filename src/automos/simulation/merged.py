@@ -4,98 +4,51 @@ Points of all are given in the first one's frame, each LiDAR's raw: as seen from
 over by how it is mounted. They fire each in its own direction, so a cloud has no seam. Missing returns are left out.
 """
 
-from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.core.geometry import transform
-from automos.core.scan import Pose, Scan, Sequence
-from automos.simulation.sensing.sensors import Sensor
+from automos.core.scan import Pose
+from automos.simulation.recorders.convention import joined, rows_of
+from automos.simulation.sensing.returns import Cast
 from automos.simulation.sequence import SimulatedSequence
 
 
-class MergedSequence(Sequence):
-    """One recording of the first `n_lidars` of `MOUNTS`; labels and poses as for one LiDAR."""
+@dataclass(unsafe_hash=True, repr=False)
+class MergedSequence(SimulatedSequence):
+    """One recording of the first `n_lidars` of `MOUNTS`, all of a kind; labels and poses as for the first one alone."""
 
-    def __init__(self, first: SimulatedSequence, n_lidars: int):
-        self._lidars = tuple(
-            SimulatedSequence(
-                first.scenario,
-                first.sensor,
-                len(first),
-                first.seed,
-                bool(first.is_compensated),
-                replace(first.conditions, mount=k),
-            )
-            for k in range(n_lidars)
-        )
-        self.name = f"{first.name}_{n_lidars}_lidars"
+    n_lidars: int = 1
 
-    def __len__(self) -> int:
-        return len(self._lidars[0])
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.name = f"{self.name}_{self.n_lidars}_lidars"
 
-    def __getitem__(self, index: int) -> Scan:
-        scans = [lidar[index] for lidar in self._lidars]
-        rows = [scan.is_valid for scan in scans]
-
-        def together(columns: Iterable[npt.NDArray | None]) -> npt.NDArray:
-            return np.concatenate([c[kept] for c, kept in zip(columns, rows, strict=True) if c is not None])
-
-        beams = self.sensor.beams
-        return replace(
-            scans[0],
-            points=together(transform(T, s.points) for s, T in zip(scans, self.T_scan_sensor, strict=True)),
-            intensity=together(s.intensity for s in scans),
-            time=together(s.time for s in scans),
-            ring=together(s.ring + np.uint16(k * beams) for k, s in enumerate(scans) if s.ring is not None),
-            sensor=np.repeat(np.arange(len(scans), dtype=np.uint8), [np.count_nonzero(kept) for kept in rows]),
-            T_scan_sensor=self.T_scan_sensor,
-        )
+    @property
+    def _lidars(self) -> list[SimulatedSequence]:
+        shared = self.scenario, self.sensor, self.n_scans, self.seed, self.compensated
+        return [SimulatedSequence(*shared, replace(self.conditions, mount=k)) for k in range(self.n_lidars)]
 
     @property
     def T_scan_sensor(self) -> Pose:
         """(K, 4, 4) where each LiDAR sits in the frame of the points."""
         return np.stack([lidar.conditions.T_first_mount for lidar in self._lidars])
 
-    @property
-    def sensor(self) -> Sensor:
-        """The kind of all LiDARs."""
-        return self._lidars[0].sensor
-
-    @property
-    def period(self) -> float:
-        """Seconds of a sweep."""
-        return self.sensor.period
-
-    @property
-    def stamps(self) -> npt.NDArray[np.float64]:
-        """(len,) seconds, the middle of each sweep."""
-        return self._lidars[0].stamps
-
-    @property
-    def is_compensated(self) -> bool:
-        """As asked for."""
-        return bool(self._lidars[0].is_compensated)
-
-    @property
-    def reference_poses(self) -> Pose:
-        """(len, 4, 4) true T_world_sensor of the first LiDAR at mid-sweep."""
-        return self._lidars[0].reference_poses
-
-    def poses_at(self, times: npt.ArrayLike) -> Pose:
-        """Return the (..., 4, 4) true poses of the first LiDAR at `times` seconds."""
-        return self._lidars[0].poses_at(times)
-
-    def truth(self, index: int) -> npt.NDArray[np.uint32]:
-        """Return (N,) labels as a simulated sequence does."""
-        return np.concatenate([lidar.truth(index)[lidar[index].is_valid] for lidar in self._lidars])
-
-    def own_body(self, index: int) -> npt.NDArray[np.bool_]:
-        """Return (N,) bool: the points of scan `index` that are on what carries the sensors."""
-        return np.concatenate([lidar.own_body(index)[lidar[index].is_valid] for lidar in self._lidars])
-
     def fingerprint(self) -> str:
         """Return a text that changes when the recording does."""
         return "+".join(lidar.fingerprint() for lidar in self._lidars)
+
+    def _cast_anew(self, index: int) -> Cast:
+        T, scans, objects, are_clear = self.T_scan_sensor, [], [], []
+        for k, lidar in enumerate(self._lidars):
+            cast = lidar._cast(index)
+            rows = np.flatnonzero(cast.scan.is_valid)
+            scan = rows_of(cast.scan, rows)
+            assert scan.ring is not None
+            points, ring = transform(T[k], scan.points), scan.ring + np.uint16(k * self.sensor.beams)
+            sensor = np.full(len(scan), k, np.uint8)
+            scans.append(replace(scan, points=points, ring=ring, sensor=sensor, T_scan_sensor=T))
+            objects.append(cast.object[rows])
+            are_clear.append(cast.is_clear[rows])
+        return Cast(joined(scans), np.concatenate(objects), np.concatenate(are_clear))

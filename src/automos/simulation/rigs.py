@@ -4,18 +4,18 @@ A rig's parts are fixed to the body, swing behind it, or walk. Body frame: x for
 ground under the car's middle.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import numpy as np
 
 from automos.core.geometry import Array
 from automos.simulation.shapes.materials import Material
-from automos.simulation.shapes.mesh import Mesh, box, join, rod
+from automos.simulation.shapes.mesh import Mesh, box, boxes_on_both_sides, join, of_parts, rod
 from automos.simulation.shapes.people import make_walker
 from automos.simulation.traffic.driving import DT
-from automos.simulation.traffic.motion import EgoMotion, Motion, ego_body, transforms
+from automos.simulation.traffic.motion import EgoMotion, transforms
 from automos.simulation.world import World
 
 WALK = 1.4
@@ -52,8 +52,6 @@ class Rig:
 
     Attributes
     ----------
-    name : str
-        Of it.
     parts : tuple of Part
         What the sensor may see of it.
     mount : (x, y, z) float, optional
@@ -61,10 +59,9 @@ class Rig:
     ride : callable
         The motion of the body, from that of the car in its place.
     footprint : (rear, front, half width) float, optional
-        Metres that nobody else drives or walks through; None: the car's.
+        Metres that nobody else drives or walks through; None: the car's, whom all others mind.
     """
 
-    name: str
     parts: tuple[Part, ...]
     mount: tuple[float, float, float] | None = None
     ride: Callable[[EgoMotion], EgoMotion] = lambda motion: motion
@@ -73,14 +70,11 @@ class Rig:
 
 def placed(part: Part, ego: EgoMotion, time: float) -> tuple[int, Array]:
     """Return which frame of `part` is shown at `time` seconds, and its (4, 4) pose T_body_part."""
-    at = time / DT
-    frame = 0
+    at, steps, frame = time / DT, np.arange(len(ego.state)), 0
     if len(part.frames) > 1:
-        way = float(np.interp(at, np.arange(len(ego.state)), _travelled(ego)))
+        way = float(np.interp(at, steps, _travelled(ego)))
         frame = int(way / part.stride * len(part.frames)) % len(part.frames)
-    if not part.length:
-        return frame, np.eye(4)
-    swing = float(np.interp(at, np.arange(len(ego.state)), _swing(part, ego)))
+    swing = float(np.interp(at, steps, _swing(part, ego))) if part.length else 0.0
     return frame, transforms(np.array([part.hinge, 0.0, 0.0, swing, 0.0, 0.0]))
 
 
@@ -105,10 +99,10 @@ def _swing(part: Part, ego: EgoMotion) -> Array:
 
 def ride_on(world: World, rig: Rig) -> World:
     """Return `world` with `rig` in the car's place; whoever would pass through it is gone."""
-    if rig.name == "car":
+    if rig.footprint is None:
         return world
     ego = rig.ride(world.ego)
-    rear, front, half = rig.footprint or (-2.5, 2.5, 1.0)
+    rear, front, half = rig.footprint
     motion = world.motion
     n = min(len(ego.state), len(motion.state))
     offset = motion.state[:n, :, :2] - ego.state[:n, None, :2]
@@ -118,12 +112,7 @@ def ride_on(world: World, rig: Rig) -> World:
     beside = np.array([0.5 * float(thing.size[1]) for thing in world.movers]) + CLEARANCE
     inside = (ahead > rear - around) & (ahead < front + around) & (np.abs(left) < half + beside)
     kept = np.flatnonzero(~np.any(inside & motion.present[:n], axis=0))
-    return replace(
-        world,
-        ego=ego,
-        movers=tuple(world.movers[k] for k in kept),
-        motion=Motion(motion.state[:, kept], motion.travelled[:, kept], motion.present[:, kept]),
-    )
+    return replace(world, ego=ego, movers=tuple(world.movers[k] for k in kept), motion=motion.of(kept))
 
 
 # ------------------------------------------------------------------------------------------------------ their rides
@@ -153,45 +142,53 @@ def _shaken(state: Array, how: dict[int, tuple[float, float]], strength: Array) 
 
 
 # ----------------------------------------------------------------------------------------------------- their shapes
-def _hull() -> Mesh:
+@of_parts
+def _car() -> Iterator[Mesh]:
+    """Return what a sensor on the roof sees of its car."""
+    roof = 1.42
+    yield box((1.20, 1.00, 0.06), (-0.10, 0.0, roof - 0.03), Material.PAINT, 0.8)
+    yield box((0.30, 0.50, 0.06), (0.63, 0.0, roof - 0.03), Material.PAINT, 0.8)
+    yield box((0.25, 1.16, 0.06), (-0.775, 0.0, roof - 0.03), Material.PAINT, 0.8)
+    yield box((0.65, 1.40, 0.05), (1.55, 0.0, 0.75), Material.PAINT, 0.8)  # the bonnet
+    yield boxes_on_both_sides((0.08, 0.06, 0.08), (0.55, 0.42, roof + 0.03), Material.PLASTIC)
+    for y in (-0.42, 0.42):
+        yield rod((-0.85, y, roof), (-0.85, y, roof + 0.13), 0.04, Material.METAL)
+    yield rod((-0.30, -0.62, roof), (-0.30, 0.62, roof), 0.03, Material.METAL)
+
+
+@of_parts
+def _hull() -> Iterator[Mesh]:
     """Return a small motor boat of 11 m with a cabin behind the sensor's mast, rails and a flagstaff."""
-    rails = [rod((x, y, 1.1), (x, y, 1.9), 0.03, Material.METAL) for x in (-5.5, -4.0, 2.0, 4.0) for y in (-1.6, 1.6)]
-    return join(
-        [
-            box((11.0, 3.4, 0.9), (-0.8, 0.0, 0.65), Material.PLASTIC, 2.0),
-            box((3.0, 2.4, 1.7), (-3.2, 0.0, 1.9), Material.PLASTIC, 2.2),
-            box((0.02, 2.0, 0.6), (-1.69, 0.0, 2.2), Material.CAR_GLASS),
-            box((1.0, 0.8, 0.7), (2.6, 0.0, 1.4), Material.PLASTIC, 1.5),
-            *rails,
-            *(box((3.5, 0.04, 0.04), (x, y, 1.9), Material.METAL) for x in (-4.7, 3.0) for y in (-1.6, 1.6)),
-            rod((-6.0, 0.0, 1.1), (-6.0, 0.0, 3.6), 0.03, Material.METAL),
-            rod((0.0, 0.0, 1.1), (0.0, 0.0, 1.85), 0.05, Material.METAL),
-        ]
-    )
+    yield box((11.0, 3.4, 0.9), (-0.8, 0.0, 0.65), Material.PLASTIC, 2.0)
+    yield box((3.0, 2.4, 1.7), (-3.2, 0.0, 1.9), Material.PLASTIC, 2.2)
+    yield box((0.02, 2.0, 0.6), (-1.69, 0.0, 2.2), Material.CAR_GLASS)
+    yield box((1.0, 0.8, 0.7), (2.6, 0.0, 1.4), Material.PLASTIC, 1.5)
+    for x in (-5.5, -4.0, 2.0, 4.0):
+        for y in (-1.6, 1.6):
+            yield rod((x, y, 1.1), (x, y, 1.9), 0.03, Material.METAL)
+    for x in (-4.7, 3.0):
+        yield boxes_on_both_sides((3.5, 0.04, 0.04), (x, 1.6, 1.9), Material.METAL)
+    yield rod((-6.0, 0.0, 1.1), (-6.0, 0.0, 3.6), 0.03, Material.METAL)
+    yield rod((0.0, 0.0, 1.1), (0.0, 0.0, 1.85), 0.05, Material.METAL)
 
 
-def _tractor() -> Mesh:
-    return join(
-        [
-            box((2.2, 2.4, 2.1), (1.5, 0.0, 1.9), Material.PAINT),
-            box((0.25, 0.35, 0.7), (2.0, -1.45, 2.2), Material.PLASTIC),
-            box((0.5, 0.12, 0.08), (1.3, 1.3, 2.3), Material.METAL),
-        ]
-    )
+@of_parts
+def _tractor() -> Iterator[Mesh]:
+    yield box((2.2, 2.4, 2.1), (1.5, 0.0, 1.9), Material.PAINT)
+    yield box((0.25, 0.35, 0.7), (2.0, -1.45, 2.2), Material.PLASTIC)
+    yield box((0.5, 0.12, 0.08), (1.3, 1.3, 2.3), Material.METAL)
 
 
-def _trailer() -> Mesh:
+@of_parts
+def _trailer() -> Iterator[Mesh]:
     """Return a box trailer whose kingpin is the origin, 1.2 m behind its front face."""
-    return join(
-        [
-            box((10.0, 2.5, 2.8), (-3.8, 0.0, 2.5), Material.PAINT, 0.8),
-            box((9.0, 1.0, 0.3), (-3.8, 0.0, 0.95), Material.METAL, 0.4),
-            *(rod((x, 1.15, 0.5), (x, 1.2, 0.5), 0.5, Material.RUBBER) for x in (-6.4, -7.6)),
-        ]
-    )
+    yield box((10.0, 2.5, 2.8), (-3.8, 0.0, 2.5), Material.PAINT, 0.8)
+    yield box((9.0, 1.0, 0.3), (-3.8, 0.0, 0.95), Material.METAL, 0.4)
+    for x in (-6.4, -7.6):
+        yield rod((x, 1.15, 0.5), (x, 1.2, 0.5), 0.5, Material.RUBBER)
 
 
-@lru_cache(maxsize=1)
+@cache
 def rigs() -> dict[str, Rig]:
     """Return all rigs by name."""
     operator = make_walker(np.random.default_rng(1))
@@ -200,10 +197,10 @@ def rigs() -> dict[str, Rig]:
     walker = Part(tuple(join([frame, pack, boom]) for frame in operator.frames), operator.stride)
     trailer = Part((_trailer(),), hinge=-0.6, length=6.4)
     return {
-        "car": Rig("car", (Part((ego_body(),)),)),
-        "boat": Rig("boat", (Part((_hull(),)),), (0.0, 0.0, 2.0), _float, (-6.5, 5.0, 1.8)),
-        "truck": Rig("truck", (Part((_tractor(),)), trailer), (1.3, 1.6, 2.45), footprint=(-9.5, 2.8, 1.5)),
-        "backpack": Rig("backpack", (walker,), (-1.1, 0.0, 1.45), _walk, (-1.3, 0.6, 0.5)),
+        "car": Rig((Part((_car(),)),)),
+        "boat": Rig((Part((_hull(),)),), (0.0, 0.0, 2.0), _float, (-6.5, 5.0, 1.8)),
+        "truck": Rig((Part((_tractor(),)), trailer), (1.3, 1.6, 2.45), footprint=(-9.5, 2.8, 1.5)),
+        "backpack": Rig((walker,), (-1.1, 0.0, 1.45), _walk, (-1.3, 0.6, 0.5)),
     }
 
 

@@ -3,7 +3,9 @@
 Nothing is kept but names and numbers; a scan is cast when it is asked for, always to the same bytes.
 """
 
+from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -33,31 +35,29 @@ CASTS_KEPT = 3
 """How many casts a process remembers, so that a scan and its truth cost one."""
 
 
+@dataclass(unsafe_hash=True, repr=False)
 class SimulatedSequence(Sequence):
     """Scans of a simulated world, cast on demand; equal arguments give equal bytes. Made by `simulate`.
 
     The world frame is the sensor's at the middle of scan 0, as for every sequence; `T_level_world` stands it upright.
     """
 
-    def __init__(
-        self,
-        scenario: str,
-        sensor: Sensor,
-        n_scans: int,
-        seed: int,
-        compensated: bool,
-        conditions: Conditions | None = None,
-    ):
-        self.scenario, self.sensor, self.seed = scenario, sensor, seed
-        self.name = f"{scenario}_{sensor.name}_{seed}".replace(" ", "_")
-        self._n_scans, self._compensated = n_scans, compensated
-        self.conditions = conditions or Conditions()
+    scenario: str
+    sensor: Sensor
+    n_scans: int
+    seed: int
+    compensated: bool
+    conditions: Conditions = field(default_factory=Conditions)
+
+    def __post_init__(self) -> None:
+        self.name = f"{self.scenario}_{self.sensor.name}_{self.seed}".replace(" ", "_")
 
     def __reduce__(self) -> tuple:
-        return _restore, (self.scenario, self.sensor.name, len(self), self.seed, self._compensated, self.conditions)
+        given = {of.name: getattr(self, of.name) for of in fields(self)}
+        return _restore, (type(self), given | {"sensor": self.sensor.name})
 
     def __len__(self) -> int:
-        return self._n_scans
+        return self.n_scans
 
     def __getitem__(self, index: int) -> Scan:
         return self._cast(index).scan
@@ -75,7 +75,7 @@ class SimulatedSequence(Sequence):
     @property
     def is_compensated(self) -> bool:
         """As asked for."""
-        return self._compensated
+        return self.compensated
 
     @property
     def reference_poses(self) -> Pose:
@@ -119,14 +119,10 @@ class SimulatedSequence(Sequence):
         rows = np.flatnonzero(n_points > 0)
         states, _ = self.world.object_states(self.stamps[index])
         T_level_site = self.T_level_world @ inverse(self._T_site_sensor(self.stamps[0]))
-        return Annotations(
-            boxes=upright_boxes(self.world, rows, states[rows]).transformed(T_level_site),
-            ids=(rows + 1).astype(np.int32),
-            kinds=tuple(self.world.objects[k].kind for k in rows),
-            is_moving=self._verdicts.is_moving[rows],
-            is_moving_now=self._moving_now(index)[rows],
-            n_points=n_points[rows],
-        )
+        boxes = upright_boxes(self.world, rows, states[rows]).transformed(T_level_site)
+        kinds = tuple(self.world.objects[k].kind for k in rows)
+        is_moving, is_moving_now = self._verdicts.is_moving[rows], self._moving_now(index)[rows]
+        return Annotations(boxes, (rows + 1).astype(np.int32), kinds, is_moving, is_moving_now, n_points[rows])
 
     def truth_boxes(self, index: int) -> TrueBoxes:
         """Return the boxes of scan `index`, in the level frame."""
@@ -135,7 +131,7 @@ class SimulatedSequence(Sequence):
 
     def fingerprint(self) -> str:
         """Return a text that changes when the recording does."""
-        return f"{super().fingerprint()}:{FORMAT}:{self.sensor.name}:{self.seed}:{self._compensated}:{self.conditions}"
+        return f"{super().fingerprint()}:{FORMAT}:{self.sensor.name}:{self.seed}:{self.compensated}:{self.conditions}"
 
     # ------------------------------------------------------------------------------------------------ inner workings
     @property
@@ -145,7 +141,7 @@ class SimulatedSequence(Sequence):
 
     @property
     def _verdicts(self) -> Verdicts:
-        return _verdicts(self.scenario, self.sensor.name, len(self), self.seed, self.conditions.rig)
+        return _verdicts(replace(self, compensated=False, conditions=Conditions(self.conditions.rig)))
 
     @property
     def _T_body_sensor(self) -> Pose:
@@ -160,9 +156,8 @@ class SimulatedSequence(Sequence):
 
     def _moving_now(self, index: int) -> npt.NDArray[np.bool_]:
         half = 0.5 * self.sensor.period
-        before, _ = self.world.object_states(self.stamps[index] - half)
-        after, _ = self.world.object_states(self.stamps[index] + half)
-        moved = np.linalg.norm(after[:, :3] - before[:, :3], axis=1)
+        before, after = (self.world.object_states(self.stamps[index] + side)[0][:, :3] for side in (-half, half))
+        moved = np.linalg.norm(after - before, axis=1)
         return (moved > MOVING_NOW * self.sensor.period) & ~self._verdicts.is_static
 
     def _labels(self, index: int, is_moving, is_static) -> npt.NDArray[np.uint32]:  # type: ignore[no-untyped-def]
@@ -179,17 +174,40 @@ class SimulatedSequence(Sequence):
     def _cast(self, index: int) -> Cast:
         return _cast(self, self._scan_number(index))
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, SimulatedSequence) and self.__reduce__() == other.__reduce__()
+    def _cast_anew(self, index: int) -> Cast:
+        sensor = self.sensor
+        rng = np.random.default_rng([self.seed, index, 11])
+        pattern = sensor.pattern(index)
+        middle = float(self.stamps[index])
+        phases = (np.arange(sensor.columns) + 0.5) / sensor.columns - 0.5
+        T_site_sensor = self._T_site_sensor(middle + phases * sensor.period)
+        times = (middle - 0.5 * sensor.period, middle + 0.5 * sensor.period)
+        chance = rng.random(len(pattern.direction), np.float32)
+        caster = _caster(self.world, self.conditions.rig)
+        hits = caster.sweep(pattern, T_site_sensor, self._T_body_sensor, times, sensor.max_range, chance)
+        self._disturb(index, pattern, hits)
+        returns = measure(sensor, pattern, hits, rng)
+        points = returns.distance[:, None] * pattern.direction
+        if self.compensated:
+            points = compensate(points, pattern, T_site_sensor, self._T_site_sensor(middle))
+        return read_out(sensor, pattern, hits, returns, points, middle, self.names[index])
 
-    def __hash__(self) -> int:
-        return hash(self.__reduce__()[1])
+    def _disturb(self, index: int, pattern: Pattern, hits: Hits) -> None:
+        """Let weather and bright signs spoil what the beams of a sweep hit."""
+        rng = np.random.default_rng([self.seed, index, 12])
+        if self.conditions.blooming and not self.sensor.rosette:
+            bleed(hits, self.sensor, rng)
+        if self.conditions.weather == "rain":
+            add_rain(hits, rng)
+        if self.conditions.weather == "dust":
+            T = self._T_site_sensor(self.stamps)
+            # Not by BLAS, whose rounding depends on its threads: a scan is the same whenever it is read.
+            direction = np.einsum("ij,kj->ik", pattern.direction, T[index, :3, :3].astype(np.float32))
+            add_dust(hits, T[index, :3, 3], direction, T[:, :3, 3], float(self.stamps[index]), self.seed, rng)
 
 
-def _restore(
-    scenario: str, sensor: str, n_scans: int, seed: int, compensated: bool, conditions: Conditions
-) -> SimulatedSequence:
-    return SimulatedSequence(scenario, SENSORS[sensor], n_scans, seed, compensated, conditions)
+def _restore(kind: type[SimulatedSequence], given: dict[str, Any]) -> SimulatedSequence:
+    return kind(**given | {"sensor": SENSORS[given["sensor"]]})
 
 
 @lru_cache(maxsize=2)
@@ -198,10 +216,9 @@ def _world(scenario: str, seed: int, duration: float, rig: str) -> World:
 
 
 @lru_cache(maxsize=2)
-def _verdicts(scenario: str, sensor: str, n_scans: int, seed: int, rig: str) -> Verdicts:
-    sequence = SimulatedSequence(scenario, SENSORS[sensor], n_scans, seed, False, Conditions(rig))
-    T = sequence._T_site_sensor(sequence.stamps)
-    return judge(sequence.world, _caster(sequence.world, rig).still, sequence.sensor, T, sequence.stamps)
+def _verdicts(sequence: SimulatedSequence) -> Verdicts:
+    still = _caster(sequence.world, sequence.conditions.rig).still
+    return judge(sequence.world, still, sequence.sensor, sequence._T_site_sensor(sequence.stamps), sequence.stamps)
 
 
 @lru_cache(maxsize=2)
@@ -211,33 +228,4 @@ def _caster(world: World, rig: str) -> Caster:
 
 @lru_cache(maxsize=CASTS_KEPT)
 def _cast(sequence: SimulatedSequence, index: int) -> Cast:
-    sensor, world = sequence.sensor, sequence.world
-    rng = np.random.default_rng([sequence.seed, index, 11])
-    pattern = sensor.pattern(index)
-    middle = float(sequence.stamps[index])
-    column_times = middle + ((np.arange(sensor.columns) + 0.5) / sensor.columns - 0.5) * sensor.period
-    T_site_sensor = sequence._T_site_sensor(column_times)
-    times = (middle - 0.5 * sensor.period, middle + 0.5 * sensor.period)
-    chance = rng.random(len(pattern.direction), np.float32)
-    caster = _caster(world, sequence.conditions.rig)
-    hits = caster.sweep(pattern, T_site_sensor, sequence._T_body_sensor, times, sensor.max_range, chance)
-    _disturb(sequence, index, pattern, hits)
-    returns = measure(sensor, pattern, hits, rng)
-    points = returns.distance[:, None] * pattern.direction
-    if sequence.is_compensated:
-        points = compensate(points, pattern, T_site_sensor, sequence._T_site_sensor(middle))
-    return read_out(sensor, pattern, hits, returns, points, middle, sequence.names[index])
-
-
-def _disturb(sequence: SimulatedSequence, index: int, pattern: Pattern, hits: Hits) -> None:
-    """Let weather and bright signs spoil what the beams of a sweep hit."""
-    about, rng = sequence.conditions, np.random.default_rng([sequence.seed, index, 12])
-    if about.blooming and not sequence.sensor.rosette:
-        bleed(hits, sequence.sensor, rng)
-    if about.weather == "rain":
-        add_rain(hits, rng)
-    if about.weather == "dust":
-        T = sequence._T_site_sensor(sequence.stamps)
-        # Not by BLAS, whose rounding depends on its threads: a scan is the same whenever it is read.
-        direction = np.einsum("ij,kj->ik", pattern.direction, T[index, :3, :3].astype(np.float32))
-        add_dust(hits, T[index, :3, 3], direction, T[:, :3, 3], float(sequence.stamps[index]), sequence.seed, rng)
+    return sequence._cast_anew(index)

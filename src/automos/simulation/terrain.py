@@ -15,7 +15,7 @@ from automos.core.geometry import Array
 from automos.core.kernels import kernel
 from automos.simulation.shapes.materials import Material
 from automos.simulation.shapes.mesh import Mesh
-from automos.simulation.traffic.paths import Path
+from automos.simulation.traffic.paths import Path, Range
 
 KERB_RAMP = 0.04
 """Metres over which a kerb rises."""
@@ -34,14 +34,13 @@ class Road:
     sidewalk: float = 0.0
 
 
-def make_hills(rng: np.random.Generator, waves: Sequence[tuple[float, float]]) -> Array:
+def make_hills(rng: np.random.Generator, waves: Sequence[Range]) -> Array:
     """Return (H, 4) hills for `Terrain`: waves of (amplitude, length) in metres, in random directions."""
     rows = []
     for amplitude, length in waves:
-        angle = rng.uniform(0.0, 2 * np.pi)
-        k = 2 * np.pi / length
+        angle, k = rng.uniform(0.0, 2 * np.pi), 2 * np.pi / length
         rows.append((amplitude, k * np.cos(angle), k * np.sin(angle), rng.uniform(0.0, 2 * np.pi)))
-    return np.array(rows).reshape(-1, 4)
+    return np.array(rows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,10 +73,8 @@ class Terrain:
 
     def road_distance(self, xy: Array) -> Array:
         """Return (N,) metres to the nearest carriageway, negative on it, for `xy` (N, 2)."""
-        out = np.empty(len(xy))
         half = np.array([road.half_width for road in self.roads])
-        _union_distance(np.ascontiguousarray(xy, np.float64), *self._chunks, half, self.corner, out)
-        return out
+        return _union_distance(np.ascontiguousarray(xy, np.float64), *self._chunks, half, self.corner)
 
     @cached_property
     def _chunks(self) -> tuple[Array, npt.NDArray[np.int64], npt.NDArray[np.int64], Array]:
@@ -96,7 +93,6 @@ class Terrain:
 
     def base(self, xy: Array) -> Array:
         """Return (N,) metres, the height of the hills alone."""
-        xy = np.asarray(xy, np.float64)
         z = np.zeros(len(xy))
         for amplitude, kx, ky, phase in self.hills:
             z += amplitude * np.sin(kx * xy[:, 0] + ky * xy[:, 1] + phase)
@@ -118,8 +114,8 @@ class Terrain:
         wild = np.clip((distance - self._walk) / 2.0, 0.0, 1.0)
         z = self.height(xy, distance) + rng.normal(0.0, 1.0, len(xy)) * (0.005 + self.roughness * wild)
         faces = Delaunay(xy).simplices.astype(np.int32)
-        edges = np.linalg.norm(xy[faces] - xy[np.roll(faces, 1, axis=1)], axis=2)
-        faces = faces[edges.max(axis=1) < 25.0]
+        lengths = np.linalg.norm(xy[faces] - xy[np.roll(faces, 1, axis=1)], axis=2)
+        faces = faces[lengths.max(axis=1) < 25.0]
         middle = distance[faces].mean(axis=1)
         material = np.select([middle < 0.0, middle < self._walk], [Material.ASPHALT, Material.PAVEMENT], self.verge)
         patches = 1.0 + 0.25 * np.sin(0.31 * xy[faces[:, 0], 0]) * np.sin(0.23 * xy[faces[:, 0], 1] + 1.0)
@@ -138,9 +134,10 @@ class Terrain:
         low, high = centers.min(axis=0) - reach, centers.max(axis=0) + reach
         parts = [self._edges()]
         for spacing, inner, outer in ((1.2, -np.inf, 9.0), (3.0, 9.0, 30.0), (9.0, 30.0, np.inf)):
-            grid = _jittered_grid(low, high, spacing, rng)
-            near, _ = tree.query(grid, distance_upper_bound=reach)
-            grid = grid[np.isfinite(near)]
+            xs, ys = (np.arange(a, b, spacing) for a, b in zip(low, high, strict=True))
+            grid = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
+            grid += rng.uniform(-0.3, 0.3, grid.shape) * spacing
+            grid = grid[np.isfinite(tree.query(grid, distance_upper_bound=reach)[0])]
             distance = self.road_distance(grid)
             parts.append(grid[(distance >= inner) & (distance < outer) & (np.abs(distance) > 0.6)])
         return np.concatenate(parts)
@@ -150,12 +147,10 @@ class Terrain:
         from scipy.spatial import cKDTree
 
         edges = np.concatenate([r.center.beside(s * r.half_width).xy[::2] for r in self.roads for s in (-1.0, 1.0)])
-        eps = 0.05
         for _ in range(5):  # walk down to the zero line of the joined field
-            distance, gradient = self._gradient(edges, eps)
-            edges = edges - distance[:, None] * gradient
-        distance, gradient = self._gradient(edges, eps)
-        good = (np.abs(distance) < 0.01) & (np.linalg.norm(gradient, axis=1) > 0.5)
+            edges = edges - self.road_distance(edges)[:, None] * self._gradient(edges)
+        gradient = self._gradient(edges)
+        good = (np.abs(self.road_distance(edges)) < 0.01) & (np.linalg.norm(gradient, axis=1) > 0.5)
         edges, gradient = edges[good], gradient[good]
         drop = np.zeros(len(edges), bool)
         for i, j in sorted(cKDTree(edges).query_pairs(0.6)):
@@ -164,22 +159,17 @@ class Terrain:
         gradient /= np.linalg.norm(gradient, axis=1, keepdims=True)
         return np.concatenate([edges - 0.5 * KERB_RAMP * gradient, edges + 0.5 * KERB_RAMP * gradient])
 
-    def _gradient(self, xy: Array, eps: float) -> tuple[Array, Array]:
-        dx, dy = np.array([eps, 0.0]), np.array([0.0, eps])
-        slope = [self.road_distance(xy + d) - self.road_distance(xy - d) for d in (dx, dy)]
-        return self.road_distance(xy), np.column_stack(slope) / (2 * eps)
-
-
-def _jittered_grid(low: Array, high: Array, spacing: float, rng: np.random.Generator) -> Array:
-    xs, ys = (np.arange(a, b, spacing) for a, b in zip(low, high, strict=True))
-    grid = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
-    return grid + rng.uniform(-0.3, 0.3, grid.shape) * spacing
+    def _gradient(self, xy: Array) -> Array:
+        """Return the (N, 2) gradient of the distance to the nearest carriageway."""
+        step = 0.05
+        slope = [self.road_distance(xy + d) - self.road_distance(xy - d) for d in step * np.eye(2)]
+        return np.column_stack(slope) / (2 * step)
 
 
 @kernel
-def _union_distance(xy, points, starts, owner, circles, half, corner, out):  # type: ignore[no-untyped-def]
+def _union_distance(xy, points, starts, owner, circles, half, corner):  # type: ignore[no-untyped-def]
     """Distance to the union of thick polylines; where two come near each other their edge is rounded by `corner`."""
-    squared = np.empty(len(half))
+    out, squared = np.empty(len(xy)), np.empty(len(half))
     for i in range(len(xy)):
         squared[:] = np.inf
         for c in range(len(owner)):
@@ -199,3 +189,4 @@ def _union_distance(xy, points, starts, owner, circles, half, corner, out):  # t
             h = max(corner - abs(best - d), 0.0) / corner if best < np.inf else 0.0
             best = min(best, d) - 0.25 * h * h * corner
         out[i] = best
+    return out

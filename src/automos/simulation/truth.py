@@ -6,6 +6,7 @@ the sensor to it at mid-sweep.
 """
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 import numpy.typing as npt
@@ -78,9 +79,7 @@ def _in_sight(
     face, _ = still.first(origin, direction, distance.ravel().astype(np.float32))
     in_view = distance < sensor.max_range
     if sensor.rosette:
-        ahead = line @ T[:3, 0]
-        sideways = line @ T[:3, 1]
-        in_view &= np.abs(np.arctan2(sideways, ahead)) < 0.5 * np.radians(sensor.rosette[0])
+        in_view &= np.abs(np.arctan2(line @ T[:3, 1], line @ T[:3, 0])) < 0.5 * np.radians(sensor.rosette[0])
     return np.any((face.reshape(distance.shape) < 0) & in_view, axis=1)
 
 
@@ -111,15 +110,10 @@ def upright_boxes(world: World, rows: npt.NDArray, states: Array) -> Boxes:
     if len(rows) == 0:
         return Boxes.empty()
     center, size = [], []
-    for k, state in zip(rows, states, strict=True):
-        thing = world.objects[k]
-        level = state.copy()
-        level[3] = 0.0
-        low, high = thing.bounds
-        corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
-        corners = transform(transforms(level), corners)
-        a, b = corners.min(axis=0), corners.max(axis=0)
-        turned = transforms(np.array([*state[:3], state[3], 0.0, 0.0]))
-        center.append(transform(turned, (0.5 * (a + b) - state[:3])[None])[0])
-        size.append(b - a)
+    for k, (x, y, z, yaw, pitch, roll) in zip(rows, states, strict=True):
+        level, turned = transforms(np.array([[x, y, z, 0.0, pitch, roll], [x, y, z, yaw, 0.0, 0.0]]))
+        corners = transform(level, np.array(list(product(*world.objects[k].bounds.T))))
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        center.append(transform(turned, (0.5 * (low + high) - (x, y, z))[None])[0])
+        size.append(high - low)
     return Boxes(np.array(center), np.array(size), wrap_angle(states[:, 3]), np.ones(len(rows)))

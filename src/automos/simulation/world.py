@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,29 +17,18 @@ from automos.simulation.terrain import Road, Terrain, make_hills
 from automos.simulation.traffic.agents import Agent, Signal
 from automos.simulation.traffic.driving import drive_unharmed
 from automos.simulation.traffic.motion import EgoMotion, Motion, follow, ride, transforms
-from automos.simulation.traffic.paths import Path
+from automos.simulation.traffic.paths import Path, Range
 
 
 @dataclass(frozen=True, eq=False)
 class Sway:
-    """Foliage in the wind: a mesh that rocks about its foot. Static by definition: it does not go anywhere."""
+    """Foliage in the wind: it rocks about its foot. Static by definition: it does not go anywhere."""
 
-    mesh: Mesh
+    thing: Thing
     foot: tuple[float, float, float]
     amplitude: float
     period: float
     phase: float
-
-    @cached_property
-    def center(self) -> Array:
-        """(3,) middle of its box, body frame."""
-        return self.mesh.bounds.mean(axis=0)
-
-    @cached_property
-    def radius(self) -> float:
-        """Metres, of the sphere about `center` that holds it."""
-        low, high = self.mesh.bounds
-        return float(0.5 * np.linalg.norm(high - low))
 
     def state(self, time: float) -> Array:
         """Return the (6,) state at `time` seconds; two periods that do not divide each other keep it from repeating."""
@@ -91,62 +79,70 @@ class World:
 class Site:
     """Where a scenario puts things up, piece by piece; `finish` sets it in motion."""
 
-    def __init__(self, terrain: Terrain, rng: np.random.Generator):
-        self.terrain = terrain
+    def __init__(self, rng: np.random.Generator, waves: Sequence[Range], roads: tuple[Road, ...], **ground: Any):
+        """Take `roads` over hills of `waves` (`make_hills`); `ground` is for its `Terrain`."""
+        self.terrain = Terrain(roads, make_hills(rng, waves), seed=int(rng.integers(1 << 30)), **ground)
         self.rng = rng
         self.agents: list[Agent] = []
         self.signals: list[Signal] = []
         self._scenery: list[Mesh] = []
         self._parked: list[tuple[Thing, Array]] = []
         self._swaying: list[Sway] = []
-        self._reserved: list[tuple[float, float]] = []
-
-    @classmethod
-    def over_hills(
-        cls, rng: np.random.Generator, waves: Sequence[tuple[float, float]], roads: tuple[Road, ...], **ground: Any
-    ) -> Site:
-        """Return an empty site with `roads` over hills of `waves` (`make_hills`); `ground` is for its `Terrain`."""
-        return cls(Terrain(roads, make_hills(rng, waves), seed=int(rng.integers(1 << 30)), **ground), rng)
+        self._taken: list[tuple[float, float, float]] = []
 
     def add_ego(self, path: Path, start: float, speed: float, **how: Any) -> None:
         """Put the car that carries the sensor on a path, before anyone else; `how` is for its `Agent`."""
         self.agents.append(Agent((make_car(self.rng, "estate"),), path, start, speed, **how))
 
-    def height(self, x: float, y: float) -> float:
-        """Return the ground's height at a place, metres."""
-        return float(self.terrain.height(np.array([[x, y]]))[0])
+    def add_agent(self, agent: Agent, clearance: float = 1.5) -> bool:
+        """Add the agent if no outline of the others is within `clearance` metres; return whether it was added."""
+        for other in self.agents:
+            if other.enter > 0.0 or np.hypot(*(agent.outline[0] - other.outline[0])) > 40.0:
+                continue
+            apart = np.linalg.norm(agent.outline[:, None] - other.outline[None], axis=2).min()
+            if apart < 0.5 * (agent.width + other.width) + clearance:
+                return False
+        self.agents.append(agent)
+        return True
 
-    def add(self, mesh: Mesh, x: float = 0.0, y: float = 0.0, yaw: float = 0.0, z: float | None = None) -> None:
-        """Put scenery on the ground (or at height `z`) at a place."""
-        self._scenery.append(mesh.moved(x, y, self.height(x, y) if z is None else z, yaw))
+    def add(self, mesh: Mesh, place: Array, yaw: float = 0.0, z: float | None = None) -> None:
+        """Put scenery at a place (x, y), on the ground or at height `z`."""
+        x, y = place
+        self._scenery.append(mesh.moved(x, y, self._height(place) if z is None else z, yaw))
 
-    def sway(self, mesh: Mesh, x: float, y: float, amplitude: float) -> None:
-        """Put foliage on the ground that rocks in the wind by `amplitude` radians."""
-        foot = (x, y, self.height(x, y))
-        period, phase = self.rng.uniform(1.5, 4.0), self.rng.uniform(0, 2 * np.pi)
-        self._swaying.append(Sway(mesh, foot, amplitude, period, phase))
+    def plant(self, mesh: Mesh, place: Array, sway: float) -> None:
+        """Put foliage on the ground that rocks in the wind by `sway` radians."""
+        if sway:
+            foot = (*place, self._height(place))
+            period, phase = self.rng.uniform(1.5, 4.0), self.rng.uniform(0, 2 * np.pi)
+            self._swaying.append(Sway(Thing("foliage", (mesh,)), foot, sway, period, phase))
+        else:
+            self.add(mesh, place)
 
-    def park(self, thing: Thing, x: float, y: float, yaw: float) -> None:
+    def park(self, thing: Thing, place: Array, yaw: float) -> None:
         """Put an object on the ground that never moves."""
         rear, front = thing.axles
         along = np.array([np.cos(yaw), np.sin(yaw)])
-        z_rear, z_front = self.terrain.height(np.array([(x, y) + rear * along, (x, y) + front * along]))
+        z_rear, z_front = self.terrain.height(np.array([place + rear * along, place + front * along]))
         pitch = -np.arctan2(z_front - z_rear, front - rear) if front - rear > 0.5 else 0.0
         z = z_rear - rear / (front - rear) * (z_front - z_rear)
-        self._parked.append((thing, np.array([x, y, z, yaw, pitch, 0.0])))
+        self._parked.append((thing, np.array([*place, z, yaw, pitch, 0.0])))
+        self._taken.append((*place, 0.0))
 
-    def reserve(self, x: float, y: float) -> None:
+    def reserve(self, place: Array) -> None:
         """Keep a place free for somebody who will stop there."""
-        self._reserved.append((float(x), float(y)))
+        self._taken.append((*place, 2.5))
 
-    def is_free(self, x: float, y: float, radius: float) -> bool:
+    def _height(self, place: Array) -> float:
+        return float(self.terrain.height(place[None])[0])
+
+    def is_free(self, place: Array, radius: float) -> bool:
         """Whether nothing stands, waits to start or is to stop within `radius` metres of a place."""
-        if any(np.hypot(a - x, b - y) < radius + 2.5 for a, b in self._reserved) or any(
-            np.hypot(s[0] - x, s[1] - y) < radius for _, s in self._parked
-        ):
+        x, y = place.tolist()
+        if any(np.hypot(a - x, b - y) < radius + more for a, b, more in self._taken):
             return False
         waiting = (a.outline for a in self.agents if a.enter <= 0.0)
-        return all(np.hypot(*(outline - (x, y)).T).min() > radius for outline in waiting)
+        return all(np.hypot(*(outline - place).T).min() > radius for outline in waiting)
 
     def finish(self, duration: float, reach: float = 140.0, unevenness: float = 1.0) -> World:
         """Return the world after driving all agents for `duration` seconds; the first agent carries the sensor.
@@ -156,36 +152,22 @@ class Site:
         agents, record = drive_unharmed(self.agents, self.signals, duration)
         motion = follow(agents, record, self.terrain, self.rng)
         ego_motion = ride(motion.state[:, 0], record.v[:, 0], self.rng, unevenness)
-        others = np.arange(1, motion.state.shape[1])
-        movers = [part for agent in agents for part in agent.parts]
+        movers = tuple(part for agent in agents for part in agent.parts)
         ground = self.terrain.mesh(reach)
-        states = np.array([s for _, s in self._parked]).reshape(-1, 6)
-        standing = [
-            thing.frames[0].transformed(T) for (thing, _), T in zip(self._parked, transforms(states), strict=True)
-        ]
+        parked = tuple(thing for thing, _ in self._parked)
+        states = np.array([state for _, state in self._parked]).reshape(-1, 6)
+        standing = [thing.frames[0].transformed(T) for thing, T in zip(parked, transforms(states), strict=True)]
         pieces = [ground, *self._scenery, *standing]
         owner = [0] * (1 + len(self._scenery)) + list(range(1, len(standing) + 1))
         start = ego_motion.at(0.0)[:3, 3]
         return World(
             static=join(pieces),
             static_object=np.repeat(np.array(owner, np.int32), [len(p) for p in pieces]),
-            parked=tuple(thing for thing, _ in self._parked),
+            parked=parked,
             parked_state=states,
-            movers=tuple(movers[k] for k in others),
-            motion=Motion(motion.state[:, others], motion.travelled[:, others], motion.present[:, others]),
+            movers=movers[1:],
+            motion=motion.of(np.arange(1, len(movers))),
             swaying=tuple(self._swaying),
             ego=ego_motion,
             ground_under_ego=float(self.terrain.height(start[None, :2])[0]),
         )
-
-
-def is_clear(agents: list[Agent], newcomer: Agent, clearance: float = 1.0) -> bool:
-    """Whether `newcomer` starts clear of all `agents`: no two outlines within `clearance` metres."""
-    a = newcomer.outline
-    for b in agents:
-        if b.enter > 0.0 or np.hypot(*(a[0] - b.outline[0])) > 40.0:
-            continue
-        apart = np.linalg.norm(a[:, None] - b.outline[None], axis=2).min()
-        if apart < 0.5 * (newcomer.width + b.width) + clearance:
-            return False
-    return True

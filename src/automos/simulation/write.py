@@ -78,10 +78,9 @@ def _messages(sequence: SimulatedSequence, types: Any) -> Iterator[tuple[int, An
 
     def cloud(index: int, nanoseconds: int) -> Any:
         scan = sequence[index]
-        kept = scan.is_valid
-        named = {"intensity": scan.intensity, "time": scan.time, "ring": scan.ring}
-        columns = {axis: scan.points[kept, k] for k, axis in enumerate("xyz")}
-        columns |= {name: column[kept] for name, column in named.items() if column is not None}
+        columns = {**dict(zip("xyz", scan.points.T, strict=True)), "intensity": scan.intensity}
+        columns |= {"time": scan.time, "ring": scan.ring}
+        columns = {name: column[scan.is_valid] for name, column in columns.items() if column is not None}
         return cloud_message(types, columns, header(nanoseconds, "lidar"))
 
     vector, quaternion = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
@@ -127,8 +126,9 @@ def write(
     if bag:
         import_extra("rosbags", "ros")
     out = Path(out)
-    description = _description(sequence)
-    with own_folder(out, SIMULATION, MARKER, description):
+    about = {"format": FORMAT, "scenario": sequence.scenario, "sensor": sequence.sensor.name, "scans": len(sequence)}
+    about |= {"seed": sequence.seed, "compensated": sequence.is_compensated}
+    with own_folder(out, SIMULATION, MARKER, about):
         for name in _FOLDERS:
             (out / name).mkdir(exist_ok=True)
         _write_all(sequence, out, workers, progress)
@@ -138,60 +138,35 @@ def write(
 
 
 def _write_all(sequence: SimulatedSequence, out: Path, workers: int, progress: Progress | None) -> None:
-    write_text(out / "calib.txt", "".join(f"P{k}: {_IDENTITY}\n" for k in range(4)) + f"Tr: {_IDENTITY}\n")
+    write_text(out / "calib.txt", "".join(f"{name}: {_IDENTITY}\n" for name in ("P0", "P1", "P2", "P3", "Tr")))
     write_text(out / "times.txt", "".join(f"{stamp:.6f}\n" for stamp in sequence.stamps))
     write_kitti(out / "poses.txt", sequence.reference_poses)
     todo = [k for k, name in enumerate(sequence.names) if not (out / "boxes" / f"{name}.json").exists()]
-    done = len(sequence) - len(todo)
-    for _ in map_in_order(partial(_write_scan, sequence, out), todo, workers):
-        done += 1
+    written = map_in_order(partial(_write_scan, sequence, out), todo, workers)
+    for done, _ in enumerate(written, len(sequence) - len(todo) + 1):
         if progress is not None:
             progress("simulate", done, len(sequence))
-
-
-def _description(sequence: SimulatedSequence) -> dict[str, object]:
-    return {
-        "format": FORMAT,
-        "scenario": sequence.scenario,
-        "sensor": sequence.sensor.name,
-        "scans": len(sequence),
-        "seed": sequence.seed,
-        "compensated": sequence.is_compensated,
-    }
 
 
 def _write_scan(sequence: SimulatedSequence, out: Path, index: int) -> None:
     name = sequence.names[index]
     scan = sequence[index]
     assert scan.intensity is not None
-    arrays = {
-        out / "velodyne" / f"{name}.bin": np.column_stack([scan.points, scan.intensity]).astype(np.float32),
-        out / "labels" / f"{name}.label": sequence.truth(index),
-        out / "labels_now" / f"{name}.label": sequence.truth_now(index),
-    }
-    for path, array in arrays.items():
-        write_raw(path, array)
+    write_raw(out / "velodyne" / f"{name}.bin", np.column_stack([scan.points, scan.intensity]))
+    write_raw(out / "labels" / f"{name}.label", sequence.truth(index))
+    write_raw(out / "labels_now" / f"{name}.label", sequence.truth_now(index))
     # Last, because a scan whose boxes are there counts as written.
     write_text(out / "boxes" / f"{name}.json", json.dumps(_boxes_as_json(sequence, index)) + "\n")
 
 
 def _boxes_as_json(sequence: SimulatedSequence, index: int) -> dict[str, object]:
     found = sequence.boxes(index)
-    rows = zip(
-        found.ids.tolist(),
-        found.kinds,
-        np.round(found.boxes.center, 4).tolist(),
-        np.round(found.boxes.size, 4).tolist(),
-        np.round(found.boxes.yaw, 5).tolist(),
-        found.is_moving.tolist(),
-        found.is_moving_now.tolist(),
-        found.n_points.tolist(),
-        strict=True,
-    )
+    center, size, yaw = np.round(found.boxes.center, 4), np.round(found.boxes.size, 4), np.round(found.boxes.yaw, 5)
+    motion, kinds = (found.is_moving, found.is_moving_now), np.array(found.kinds)
+    columns = (column.tolist() for column in (found.ids, kinds, center, size, yaw, *motion, found.n_points))
     keys = ("id", "kind", "center", "size", "yaw", "moving", "moving_now", "points")
-    T_level_sensor = sequence.T_level_world @ sequence.reference_poses[index]
     return {
         "stamp": round(float(sequence.stamps[index]), 6),
-        "T_level_sensor": np.round(T_level_sensor, 9).tolist(),
-        "boxes": [dict(zip(keys, row, strict=True)) for row in rows],
+        "T_level_sensor": np.round(sequence.T_level_world @ sequence.reference_poses[index], 9).tolist(),
+        "boxes": [dict(zip(keys, row, strict=True)) for row in zip(*columns, strict=True)],
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from difflib import get_close_matches
 from typing import Any, Literal
 
@@ -114,9 +115,13 @@ def _sentence(error: ValidationError) -> str:
     name, known = str(problem["loc"][0]), Convention.model_fields
     if problem["type"] != "extra_forbidden":
         return f"{name} is {problem['input']!r}: {problem['msg'][:1].lower()}{problem['msg'][1:]}."
-    near = get_close_matches(name, known, 1)
-    hint = f" (did you mean {near[0]}?)" if near else ""
-    return f"{name!r} is not a convention{hint}; give NAME=VALUE, NAME one of: {', '.join(known)}."
+    return f"{name!r} is not a convention{hint(name, known)}; give NAME=VALUE, NAME one of: {', '.join(known)}."
+
+
+def hint(name: str, known: Iterable[str]) -> str:
+    """Return what somebody may have meant who wrote `name`, in parentheses; nothing where nothing is near."""
+    near = get_close_matches(name, list(known), 1)
+    return f" (did you mean {near[0]}?)" if near else ""
 
 
 Rows = npt.NDArray[np.int64]
@@ -127,7 +132,7 @@ FAULTY_SCANS = 0.3
 """Share of scans that lack a sector, where some do."""
 SPECK_RANGE = (1.0, 20.0)
 """Metres from the sensor at which specks fly."""
-_COLUMNS = ("intensity", "time", "ring", "sensor")
+_COLUMNS = ("points", "intensity", "time", "ring", "sensor")
 
 
 def kept_cuts(n_cuts: int, about: Convention) -> Rows:
@@ -193,20 +198,17 @@ def with_specks(points, truth, share, rng):  # type: ignore[no-untyped-def]
 
 def rows_of(scan: Scan, rows: Rows) -> Scan:
     """Return the scan of some points of `scan`, in the order of `rows`."""
-
-    def column(values: npt.NDArray | None) -> npt.NDArray | None:
-        return None if values is None else values[rows]
-
-    columns: dict[str, Any] = {name: column(getattr(scan, name)) for name in _COLUMNS}
-    return Scan(scan.points[rows], T_scan_sensor=scan.T_scan_sensor, **columns)
+    given = {name: getattr(scan, name) for name in _COLUMNS}
+    columns: dict[str, Any] = {name: None if column is None else column[rows] for name, column in given.items()}
+    return replace(scan, **columns)
 
 
 def joined(scans: list[Scan]) -> Scan:
-    """Return one scan of the points of all, one after the other."""
+    """Return the first of the scans with the points of all, one after the other."""
 
     def column(name: str) -> npt.NDArray | None:
         parts = [getattr(scan, name) for scan in scans]
         return None if any(part is None for part in parts) else np.concatenate(parts)
 
     columns: dict[str, Any] = {name: column(name) for name in _COLUMNS}
-    return Scan(np.concatenate([s.points for s in scans]), T_scan_sensor=scans[0].T_scan_sensor, **columns)
+    return replace(scans[0], **columns)

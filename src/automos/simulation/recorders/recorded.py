@@ -4,9 +4,9 @@ What a sensor measures is a stream of points. It comes here as sweeps of one tur
 turns since the recording's start, is its sweep's number and the share of the turn that had passed.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,7 @@ from automos.core.geometry import inverse, se3_exp, se3_log
 from automos.core.scan import Pose, Scan, Sequence
 from automos.simulation.recorders.convention import (
     Convention,
+    Rows,
     joined,
     kept_cuts,
     kept_rows,
@@ -56,6 +57,11 @@ class _Kept:
     scan: Scan
     when: npt.NDArray[np.float64]
     truth: npt.NDArray[np.uint32] | None
+
+    def rows(self, rows: Rows) -> Self:
+        """Return some of the points, in the order of `rows`."""
+        truth = None if self.truth is None else self.truth[rows]
+        return replace(self, scan=rows_of(self.scan, rows), when=self.when[rows], truth=truth)
 
 
 class Recorded(Sequence):
@@ -135,21 +141,19 @@ class Recorded(Sequence):
     def _keep(self, index: int) -> _Kept:
         return _keep(self, self._scan_number(index))
 
-    def _measured(self, index: int) -> tuple[Scan, npt.NDArray[np.float64], npt.NDArray[np.uint32] | None]:
-        """Return all points measured between the cuts of scan `index`, sweep by sweep, when, and their labels."""
+    def _measured(self, index: int) -> _Kept:
+        """Return all points measured between the cuts of scan `index`, sweep by sweep."""
         start, end = self.cuts[index]
-        scans, times, truths = [], [], []
+        parts = []
         for sweep in range(int(start), min(int(np.ceil(end - 1e-9)), len(self.turns))):
             scan = self.turns[sweep]
             assert scan.time is not None
             when = sweep + scan.time.astype(np.float64) / self.turns.period
-            rows = np.flatnonzero((when >= start) & (when < end))
-            scans.append(rows_of(scan, rows))
-            times.append(when[rows])
-            truth = self.turns.truth(sweep)
-            truths.append(None if truth is None else truth[rows])
-        truth = None if any(t is None for t in truths) else np.concatenate([t for t in truths if t is not None])
-        return joined(scans), np.concatenate(times), truth
+            measured = _Kept(scan, when, self.turns.truth(sweep))
+            parts.append(measured.rows(np.flatnonzero((when >= start) & (when < end))))
+        truths = [part.truth for part in parts if part.truth is not None]
+        truth = np.concatenate(truths) if len(truths) == len(parts) else None
+        return _Kept(joined([part.scan for part in parts]), np.concatenate([part.when for part in parts]), truth)
 
     def _carried(self, index: int, points: npt.NDArray, when: npt.NDArray[np.float64]) -> npt.NDArray:
         """Return the points as seen from where the sensor was at the scan's reference time."""
@@ -165,27 +169,24 @@ class Recorded(Sequence):
 @lru_cache(maxsize=2)
 def _keep(recorded: Recorded, index: int) -> _Kept:
     about = recorded.convention
-    scan, when, truth = recorded._measured(index)
     chance = [recorded.seed, int(recorded._cuts[index])]  # a scan that is there twice is the same twice
-    rows = kept_rows(scan, when, about, np.random.default_rng([*chance, 21]))
-    scan, when, truth = rows_of(scan, rows), when[rows], None if truth is None else truth[rows]
+    kept = recorded._measured(index)
+    kept = kept.rows(kept_rows(kept.scan, kept.when, about, np.random.default_rng([*chance, 21])))
+    scan, truth = kept.scan, kept.truth
     points: npt.NDArray[np.floating] = scan.points
     if about.reference != "raw":
-        points = recorded._carried(index, points.astype(np.float64), when)
+        points = recorded._carried(index, points.astype(np.float64), kept.when)
         points[~scan.is_valid] = scan.points[~scan.is_valid]
     if about.specks:
         points, truth = with_specks(points, truth, about.specks, np.random.default_rng([*chance, 22]))
     if about.rounding:
         points = np.round(points / about.rounding) * about.rounding
     stamps = recorded.stamps
-    kept = Scan(
-        np.ascontiguousarray(points / about.unit, np.float32),
-        intensity=scan.intensity,
-        time=times_in_file(recorded.clock(when), about.times),
-        ring=scan.ring,
+    scan = replace(
+        scan,
+        points=np.ascontiguousarray(points / about.unit, np.float32),
+        time=times_in_file(recorded.clock(kept.when), about.times),
         stamp=None if stamps is None else float(stamps[index]),
         name=f"{index:06d}",
-        sensor=scan.sensor,
-        T_scan_sensor=scan.T_scan_sensor,
     )
-    return _Kept(kept, when, truth)
+    return replace(kept, scan=scan, truth=truth)

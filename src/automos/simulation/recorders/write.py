@@ -41,8 +41,7 @@ def write_recorded(recorded: Recorded, out: str | Path) -> Path:
     for index, name in enumerate(recorded.names):
         scan, truth = recorded[index], recorded.truth(index)
         if recorded.convention.times == "none":
-            intensity = np.zeros(len(scan), np.float32) if scan.intensity is None else scan.intensity
-            write_raw(out / "velodyne" / f"{name}.bin", np.column_stack([scan.points, intensity]).astype(np.float32))
+            write_raw(out / "velodyne" / f"{name}.bin", np.column_stack([scan.points, _intensity(scan)]))
         else:
             write_npy(out / "velodyne" / f"{name}.npy", _named(recorded, index, scan))
         if truth is not None:
@@ -62,13 +61,13 @@ def _named(recorded: Recorded, index: int, scan: Scan) -> npt.NDArray:
         times = EPOCH + recorded.when(index)
     elif recorded.convention.times == "milliseconds":
         times = 1e3 * times
-    kinds = [*((axis, "f4") for axis in "xyz"), ("intensity", "f4"), ("ring", "u2"), ("timestamp", times.dtype.str)]
-    rows = np.zeros(len(scan), [(n, k) for n, k in kinds if n != "ring" or scan.ring is not None])
-    for axis, column in zip("xyz", scan.points.T, strict=True):
-        rows[axis] = column
-    if scan.intensity is not None:
-        rows["intensity"] = scan.intensity
-    if scan.ring is not None:
-        rows["ring"] = scan.ring
-    rows["timestamp"] = times
+    given = {**dict(zip("xyz", scan.points.T, strict=True)), "intensity": _intensity(scan), "ring": scan.ring}
+    columns = {name: column for name, column in given.items() if column is not None} | {"timestamp": times}
+    rows = np.zeros(len(scan), [(name, column.dtype.str) for name, column in columns.items()])
+    for name, column in columns.items():
+        rows[name] = column
     return rows
+
+
+def _intensity(scan: Scan) -> npt.NDArray[np.float32]:
+    return np.zeros(len(scan), np.float32) if scan.intensity is None else scan.intensity

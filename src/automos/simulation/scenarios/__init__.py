@@ -1,40 +1,20 @@
 """The situations a labeler must master; each module builds a world from a random generator and a duration."""
 
-from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
 
-from automos.simulation.scenarios.campus import campus
-from automos.simulation.scenarios.canyon import avenue, canyon
-from automos.simulation.scenarios.city import city
-from automos.simulation.scenarios.country import country, hills
-from automos.simulation.scenarios.crowded import narrow, scooters
+from automos.simulation.scenarios.country import country, hills, motorway, slowdown
+from automos.simulation.scenarios.crowded import campus, narrow, scooters
 from automos.simulation.scenarios.junction import junction, kerbside, lights, outing, waiting
-from automos.simulation.scenarios.motorway import motorway, slowdown
+from automos.simulation.scenarios.streets import avenue, canyon, city
 from automos.simulation.world import World
 
-_BUILDERS = (
-    city,
-    motorway,
-    slowdown,
-    junction,
-    campus,
-    scooters,
-    hills,
-    narrow,
-    canyon,
-    avenue,
-    waiting,
-    country,
-    lights,
-    kerbside,
-    outing,
-)
-LONG = ("lights", "kerbside", "outing")
+_SHORT = (city, motorway, slowdown, junction, campus, scooters, hills, narrow, canyon, avenue, waiting, country)
+_LONG = (lights, kerbside, outing)
+LONG = tuple(build.__name__ for build in _LONG)
 """Those whose worlds are made for half a minute and longer: they are about objects, not points."""
-
-SCENARIOS: dict[str, Callable[[np.random.Generator, float], World]] = {build.__name__: build for build in _BUILDERS}
+SCENARIOS = {build.__name__: build for build in (*_SHORT, *_LONG)}
 """Builders by name: (random generator, seconds) to world."""
 
 DURATION_STEP = 10.0

@@ -4,65 +4,35 @@ A beam leaves from where the sensor is at the beam's own time, and a moving body
 sweeps are distorted by both motions as real ones are.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.core.geometry import Array, inverse
 from automos.core.kernels import kernel
 from automos.simulation.rigs import Rig, placed, rigs
 from automos.simulation.sensing.scene import EGO, Hits, Scene
-from automos.simulation.sensing.sensors import SECTORS, Pattern
+from automos.simulation.sensing.sensors import SECTORS, Array32, Pattern
+from automos.simulation.shapes.mesh import Mesh
+from automos.simulation.shapes.things import Thing
 from automos.simulation.traffic.motion import transforms
+from automos.simulation.traffic.paths import Range
 from automos.simulation.world import World
-
-Array32 = npt.NDArray[np.float32]
 
 _OWN_TURN = 0.06
 """Radians, more than a sensor turns with its vehicle during half a sweep."""
 
 
 @dataclass(frozen=True, eq=False)
-class Beams:
-    """The beams of one sweep in the site frame.
-
-    Attributes
-    ----------
-    origin, direction : (N, 3) float32.
-    pattern : the same beams in the sensor frame.
-    T_middle : (4, 4) T_site_sensor at mid-sweep.
-    drift : metres the sensor moves during half the sweep.
-    """
-
-    origin: Array32
-    direction: Array32
-    pattern: Pattern
-    T_middle: Array
-    drift: float
-
-    @staticmethod
-    def of(pattern: Pattern, T_site_sensor: Array) -> Beams:
-        """Return the beams of `pattern` fired at the (C, 4, 4) poses of their columns."""
-        origin, direction = np.empty_like(pattern.direction), np.empty_like(pattern.direction)
-        _carry(pattern.direction, pattern.column, T_site_sensor, origin, direction)
-        middle = T_site_sensor[len(T_site_sensor) // 2]
-        drift = float(np.linalg.norm(T_site_sensor[[0, -1], :3, 3] - middle[:3, 3], axis=1).max())
-        return Beams(origin, direction, pattern, middle, drift)
-
-
-@dataclass(frozen=True, eq=False)
 class _Body:
-    """What moves or sways during a sweep: where it is at the sweep's start and end, and the sphere that holds it."""
+    """What moves or sways during a sweep: the shape it shows, whose it is, and its states at the start and end."""
 
-    key: tuple[str, int, int]
+    mesh: Mesh
+    owner: int
+    thing: Thing
     start: Array
     end: Array
-    center: Array
-    radius: float
 
 
 class Caster:
@@ -73,16 +43,10 @@ class Caster:
         self._world = world
         self._rig = rig or rigs()["car"]
         self.still = Scene(world.static, world.static_object)
-        self._scenes: dict[tuple[str, int, int], Scene] = {}
+        self._scenes: dict[tuple[Mesh, int], Scene] = {}
 
     def sweep(
-        self,
-        pattern: Pattern,
-        T_site_sensor: Array,
-        T_body_sensor: Array,
-        times: tuple[float, float],
-        reach: float,
-        chance: Array32,
+        self, pattern: Pattern, T_site_sensor: Array, T_body_sensor: Array, times: Range, reach: float, chance: Array32
     ) -> Hits:
         """Return what each beam of a sweep hits first: the ego itself, the still world, or a body on the move.
 
@@ -102,20 +66,24 @@ class Caster:
             In [0, 1), decides what panes do with each beam.
         """
         hits = Hits.none(len(pattern.direction), reach)
-        for k, part in enumerate(self._rig.parts):
+        for part in self._rig.parts:
             frame, T_body_part = placed(part, self._world.ego, 0.5 * sum(times))
             T = inverse(T_body_part) @ T_body_sensor
             own = np.einsum("ij,kj->ik", pattern.direction, T[:3, :3]).astype(np.float32)
             mount = np.broadcast_to(T[:3, 3].astype(np.float32), own.shape).copy()
-            self._scene(("rig", k, frame)).cast(mount, own, hits, None, chance.copy())
-        beams = Beams.of(pattern, T_site_sensor)
-        self.still.cast(beams.origin, beams.direction, hits, None, chance.copy())
+            self._scene(part.frames[frame], EGO).cast(mount, own, hits, None, chance)
+        origin, direction = np.empty((2, len(pattern.direction), 3), np.float32)
+        _carry(pattern.direction, pattern.column, T_site_sensor, origin, direction)
+        self.still.cast(origin, direction, hits, None, chance)
+        T_middle = T_site_sensor[len(T_site_sensor) // 2]
+        drift = float(np.linalg.norm(T_site_sensor[[0, -1], :3, 3] - T_middle[:3, 3], axis=1).max())
         for body in self._bodies(*times):
-            rows = _near_rows(beams, body, hits.distance)
+            where = _around(body, T_middle, drift)
+            rows = _near(pattern.by_sector, pattern.sector_starts, origin, direction, hits.distance, *where)
             if len(rows):
-                origin, direction = np.empty((2, len(rows), 3), np.float32)
-                _into_body(beams.origin, beams.direction, pattern.phase, rows, body.start, body.end, origin, direction)
-                self._scene(body.key).cast(origin, direction, hits, rows, chance[rows])
+                own_origin, own = np.empty((2, len(rows), 3), np.float32)
+                _into_body(origin, direction, pattern.phase, rows, body.start, body.end, own_origin, own)
+                self._scene(body.mesh, body.owner).cast(own_origin, own, hits, rows, chance[rows])
         return hits
 
     def _bodies(self, start: float, end: float) -> Iterator[_Body]:
@@ -123,21 +91,16 @@ class Caster:
         state_a, travelled, present_a = world.motion.at(start)
         state_b, _, present_b = world.motion.at(end)
         for k in np.flatnonzero(present_a & present_b).tolist():
-            thing = world.movers[k]
-            frame = int(travelled[k] / thing.stride * len(thing.frames)) % len(thing.frames)
-            yield _Body(("mover", k, frame), state_a[k], state_b[k], thing.center, thing.radius)
-        for k, sway in enumerate(world.swaying):
-            yield _Body(("sway", k, 0), sway.state(start), sway.state(end), sway.center, sway.radius)
+            thing, owner = world.movers[k], len(world.parked) + k + 1
+            mesh = thing.frames[int(travelled[k] / thing.stride * len(thing.frames)) % len(thing.frames)]
+            yield _Body(mesh, owner, thing, state_a[k], state_b[k])
+        for sway in world.swaying:
+            yield _Body(sway.thing.frames[0], 0, sway.thing, sway.state(start), sway.state(end))
 
-    def _scene(self, key: tuple[str, int, int]) -> Scene:
+    def _scene(self, mesh: Mesh, owner: int) -> Scene:
+        key = mesh, owner
         if key not in self._scenes:
-            kind, k, frame = key
-            if kind == "rig":
-                self._scenes[key] = Scene(self._rig.parts[k].frames[frame], EGO)
-            elif kind == "sway":
-                self._scenes[key] = Scene(self._world.swaying[k].mesh, 0)
-            else:
-                self._scenes[key] = Scene(self._world.movers[k].frames[frame], len(self._world.parked) + k + 1)
+            self._scenes[key] = Scene(mesh, owner)
         return self._scenes[key]
 
 
@@ -151,33 +114,25 @@ def _carry(direction, column_of, poses, origins, turned):  # type: ignore[no-unt
             origins[i, k] = T[k, 3]
 
 
-def _near_rows(beams: Beams, body: _Body, distance: Array32) -> npt.NDArray[np.int64]:
-    """Return (K,) rows of the beams that may hit `body` nearer than `distance` (N,): by sector, then by its sphere."""
+def _around(body: _Body, T_middle: Array, drift: float) -> tuple[int, int, Array, float]:
+    """Return the first and the number of sectors whose beams may hit `body`, and its sphere over the whole sweep.
+
+    `T_middle` is where the sensor is at mid-sweep, `drift` the metres that it moves during half the sweep.
+    """
     middle = transforms(0.5 * (body.start + body.end))
-    center = middle[:3, :3] @ body.center + middle[:3, 3]
+    center = middle[:3, :3] @ body.thing.center + middle[:3, 3]
     own_motion = 0.5 * float(np.linalg.norm(body.end[:3] - body.start[:3]))
-    radius = body.radius * (1.0 + 0.6 * abs(body.end[3] - body.start[3])) + own_motion
-    x, y, _ = inverse(beams.T_middle)[:3] @ [*center, 1.0]
-    away, wide = np.hypot(x, y), radius + beams.drift
+    radius = body.thing.radius * (1.0 + 0.6 * abs(body.end[3] - body.start[3])) + own_motion
+    x, y, _ = inverse(T_middle)[:3] @ [*center, 1.0]
+    away, wide = np.hypot(x, y), radius + drift
     half = np.pi if wide >= away else np.arcsin(wide / away) + _OWN_TURN
     first = int(np.floor((np.arctan2(y, x) - half) / (2 * np.pi) * SECTORS))
-    n_sectors = min(int(np.ceil(2 * half / (2 * np.pi) * SECTORS)) + 1, SECTORS)
-    pattern = beams.pattern
-    return _near_in_sectors(
-        pattern.by_sector,
-        pattern.sector_starts,
-        first,
-        n_sectors,
-        beams.origin,
-        beams.direction,
-        distance,
-        center,
-        radius,
-    )
+    return first, min(int(np.ceil(2 * half / (2 * np.pi) * SECTORS)) + 1, SECTORS), center, radius
 
 
 @kernel
-def _near_in_sectors(by_sector, starts, first, n_sectors, origins, directions, distance, center, radius):  # type: ignore[no-untyped-def]
+def _near(by_sector, starts, origins, directions, distance, first, n_sectors, center, radius):  # type: ignore[no-untyped-def]
+    """Return the rows of beams in some sectors that may meet a sphere nearer than `distance`."""
     n_all = len(starts) - 1
     rows = np.empty(len(origins), np.int64)
     n = 0

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from automos.core.geometry import Array, inverse
 from automos.core.scan import Scan
 from automos.simulation.sensing.scene import AIR, EGO, Hits
-from automos.simulation.sensing.sensors import Pattern, Sensor
+from automos.simulation.sensing.sensors import Array32, Pattern, Sensor
 from automos.simulation.shapes.materials import Material, column
 
 PULSE = 1.2
@@ -38,8 +38,8 @@ class Returns:
     straddles : (N,) int64, for mixed returns the row of the other beam's hit that took part, else -1.
     """
 
-    distance: npt.NDArray[np.float32]
-    intensity: npt.NDArray[np.float32]
+    distance: Array32
+    intensity: Array32
     is_return: npt.NDArray[np.bool_]
     straddles: npt.NDArray[np.int64]
 
@@ -62,7 +62,7 @@ def measure(sensor: Sensor, pattern: Pattern, hits: Hits, rng: np.random.Generat
     return Returns(distance.astype(np.float32), intensity.astype(np.float32), seen, straddles)
 
 
-def ring_bias(sensor: Sensor) -> npt.NDArray[np.float32]:
+def ring_bias(sensor: Sensor) -> Array32:
     """Return (beams,) metres: each beam's constant range error, the same for every unit of a kind."""
     rng = np.random.default_rng(sum(map(ord, sensor.name)))
     return (sensor.ring_bias * rng.standard_normal(sensor.beams)).astype(np.float32)
@@ -70,13 +70,11 @@ def ring_bias(sensor: Sensor) -> npt.NDArray[np.float32]:
 
 def _mix_edges(sensor: Sensor, distance, is_hit, rng):  # type: ignore[no-untyped-def]
     """Return (N,) distances with edges blurred, and for each blurred beam the row it shares an edge with."""
-    beams = sensor.beams
     n = len(distance)
-    other = np.arange(n) + beams  # the next firing of the same beam
-    other[-beams:] -= 2 * beams
+    other = np.arange(n) + sensor.beams  # the next firing of the same beam
+    other[-sensor.beams :] -= 2 * sensor.beams
     gap = distance[other] - distance
-    step = 2.0 * np.pi / sensor.columns
-    chance = 0.5 * min(1.0, sensor.divergence / step)
+    chance = 0.5 * min(1.0, sensor.divergence / (2.0 * np.pi / sensor.columns))
     blurred = (np.abs(gap) > 0.25) & (np.abs(gap) < PULSE) & is_hit & is_hit[other]
     blurred &= rng.random(n, np.float32) < chance
     share = rng.random(n, np.float32)
@@ -97,8 +95,7 @@ def read_out(
 ) -> Cast:
     """Return the scan of a sweep's (N, 3) `points`, one per beam, as the sensor gives it away."""
     object_ = np.where(returns.is_return, hits.object, EGO).astype(np.int32)
-    straddling = returns.straddles >= 0
-    is_clear = returns.is_return & ~(straddling & (hits.object != hits.object[returns.straddles]))
+    is_mixed = (returns.straddles >= 0) & (hits.object != hits.object[returns.straddles])
     if sensor.organised:
         points[~returns.is_return] = 0.0
         rows = np.arange(len(points)).reshape(sensor.columns, sensor.beams).T.ravel()
@@ -112,7 +109,7 @@ def read_out(
         stamp=stamp,
         name=name,
     )
-    return Cast(scan, object_[rows], is_clear[rows])
+    return Cast(scan, object_[rows], (returns.is_return & ~is_mixed)[rows])
 
 
 def compensate(points: npt.NDArray, pattern: Pattern, T_site_sensor: Array, T_site_middle: Array) -> npt.NDArray:
@@ -120,8 +117,6 @@ def compensate(points: npt.NDArray, pattern: Pattern, T_site_sensor: Array, T_si
     T = (inverse(T_site_middle) @ T_site_sensor)[pattern.column]
     return (np.einsum("nij,nj->ni", T[:, :3, :3], points) + T[:, :3, 3]).astype(np.float32)
 
-
-Array32 = npt.NDArray[np.float32]
 
 DROPS_PER_METRE = 0.002
 """Chance that a beam meets a drop of heavy rain that returns, per metre of its path."""
@@ -198,17 +193,16 @@ def _return_from_air(hits: Hits, distance: Array32, is_met: npt.NDArray[np.bool_
 def bleed(hits: Hits, sensor: Sensor, rng: np.random.Generator) -> None:
     """Let beams beside one that hits a near retro-reflector report that one's range and object."""
     columns, beams = sensor.columns, sensor.beams
-    grid = np.arange(len(hits.distance)).reshape(columns, beams)
     bright = (hits.material == Material.RETRO) & (hits.distance < BLEED_RANGE) & ~hits.lost
-    column, beam = np.divmod(np.flatnonzero(bright), beams)
-    source = grid[column, beam]
-    fields: list[npt.NDArray] = [hits.distance, hits.material, hits.tint, hits.cosine, hits.object, hits.lost]
-    kept = [values[source].copy() for values in fields]
+    source = np.flatnonzero(bright)
+    column, beam = np.divmod(source, beams)
+    fields = vars(hits).values()
+    kept = [values[source] for values in fields]
     for step in range(-BLEEDS, BLEEDS + 1):
         for up in range(-(BLEEDS // 2), BLEEDS // 2 + 1):
             beside = beam + up
             rows = (beside >= 0) & (beside < beams) & (rng.random(len(beam)) < BLEED_CHANCE)
-            target = grid[(column[rows] + step) % columns, beside[rows]]
+            target = (column[rows] + step) % columns * beams + beside[rows]
             dark = ~bright[target]
             for values, from_ in zip(fields, kept, strict=True):
                 values[target[dark]] = from_[rows][dark]

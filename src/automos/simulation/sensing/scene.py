@@ -6,16 +6,15 @@ A pane lets some beams through, swallows some and returns the rest; a beam that 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from automos.simulation.sensing.sensors import Array32
 from automos.simulation.shapes.materials import column
 from automos.simulation.shapes.mesh import Mesh
-
-Array32 = npt.NDArray[np.float32]
 
 EGO = -1
 """Object id of the ego vehicle's own body."""
@@ -54,17 +53,11 @@ class Hits:
     @staticmethod
     def none(n: int, reach: float) -> Hits:
         """Return no hits for `n` beams of `reach` metres."""
-        return Hits(
-            np.full(n, reach, np.float32),
-            np.zeros(n, np.uint8),
-            np.zeros(n, np.float32),
-            np.ones(n, np.float32),
-            np.zeros(n, np.int32),
-            np.ones(n, np.bool_),
-        )
+        distance, material, tint = np.full(n, reach, np.float32), np.zeros(n, np.uint8), np.zeros(n, np.float32)
+        return Hits(distance, material, tint, np.ones(n, np.float32), np.zeros(n, np.int32), np.ones(n, np.bool_))
 
 
-@lru_cache(maxsize=1)
+@cache
 def _device() -> Any:
     """Return the one device all scenes share; each device of its own would cost threads and memory."""
     from embreex.rtcore import EmbreeDevice
@@ -86,16 +79,12 @@ class Scene:
         corners = mesh.vertices[mesh.faces]
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-        self._normal = normal.astype(np.float32)
-        self._material = mesh.material
-        self._tint = mesh.tint
+        self._normal, self._material, self._tint = normal.astype(np.float32), mesh.material, mesh.tint
         self._owner = np.broadcast_to(np.asarray(owner, np.int32), len(mesh.faces))
-        lost, passed = column("lost"), column("passed")
-        self._lost = lost[mesh.material]
+        self._lost, self._passed = column("lost")[mesh.material], column("passed")[mesh.material]
         # A pane behaves as a whole: curtained or not, tinted or not. Both triangles of a quad share its luck.
         seed = int(1e4 * np.abs(mesh.tint).sum()) + len(mesh)
         self._luck = np.random.default_rng(seed).random(len(mesh) // 2 + 1, np.float32)[np.arange(len(mesh)) // 2]
-        self._passed = passed[mesh.material]
 
     def first(self, origin: Array32, direction: Array32, reach: Array32) -> tuple[npt.NDArray[np.int32], Array32]:
         """Return ((N,) face or -1, (N,) distance) of the first face on each beam within `reach`."""

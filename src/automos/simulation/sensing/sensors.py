@@ -84,7 +84,7 @@ class Sensor:
 
     def pattern(self, sweep: int) -> Pattern:
         """Return the beams of one sweep in the order in which they are fired."""
-        return _rosette_pattern(self, sweep) if self.rosette else _spinning_pattern(self)
+        return _pattern(self, sweep if self.rosette else 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,116 +120,48 @@ class Pattern:
         return np.concatenate([[0], np.cumsum(np.bincount(self._sectors, minlength=SECTORS))])
 
 
-def _directions(azimuth: npt.NDArray, elevation: npt.NDArray) -> Array32:
-    level = np.cos(elevation)
-    return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)], axis=-1).astype(np.float32)
-
-
-@lru_cache(maxsize=4)
-def _spinning_pattern(sensor: Sensor) -> Pattern:
-    column = np.repeat(np.arange(sensor.columns, dtype=np.int32), sensor.beams)
-    ring = np.tile(np.arange(sensor.beams, dtype=np.uint16), sensor.columns)
-    phase = (column + 0.5) / sensor.columns - 0.5
-    stagger = np.resize(sensor.stagger, sensor.beams)[ring]
-    azimuth = sensor.turn * 2.0 * np.pi * phase + np.radians(stagger)
-    return Pattern(_directions(azimuth, np.radians(sensor.elevations[ring])), phase.astype(np.float32), ring, column)
-
-
 PRISMS = (7294.0 / 60.0, -4664.0 / 60.0)
 """Turns per second of the two prisms of a rosette."""
 
 
-def _rosette_pattern(sensor: Sensor, sweep: int) -> Pattern:
-    assert sensor.rosette is not None
-    width, height = np.radians(sensor.rosette)
+@lru_cache(maxsize=4)
+def _pattern(sensor: Sensor, sweep: int) -> Pattern:
     column = np.repeat(np.arange(sensor.columns, dtype=np.int32), sensor.beams)
     ring = np.tile(np.arange(sensor.beams, dtype=np.uint16), sensor.columns)
     phase = (column + 0.5) / sensor.columns - 0.5
-    time = (sweep + phase) * sensor.period
-    a, b = (2.0 * np.pi * rate * time for rate in PRISMS)
-    azimuth = 0.25 * width * (np.cos(a) + np.cos(b))
-    elevation = 0.25 * height * (np.sin(a) + np.sin(b)) + np.radians(sensor.elevations[ring])
-    return Pattern(_directions(azimuth, elevation), phase.astype(np.float32), ring, column)
+    elevation = np.radians(sensor.elevations[ring])
+    if sensor.rosette is None:
+        azimuth = sensor.turn * 2.0 * np.pi * phase + np.radians(np.resize(sensor.stagger, sensor.beams)[ring])
+    else:
+        width, height = np.radians(sensor.rosette)
+        time = (sweep + phase) * sensor.period
+        a, b = (2.0 * np.pi * rate * time for rate in PRISMS)
+        azimuth = 0.25 * width * (np.cos(a) + np.cos(b))
+        elevation += 0.25 * height * (np.sin(a) + np.sin(b))
+    level = np.cos(elevation)
+    direction = np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)], axis=-1)
+    return Pattern(direction.astype(np.float32), phase.astype(np.float32), ring, column)
 
 
-_ALPHA = np.concatenate(
-    [
-        [-25.0, -19.582, -16.042, -13.565, -11.742, -10.346, -9.244, -8.352, -7.65, -7.15, -6.85, -6.65],
-        -6.5 + 0.11 * np.arange(104),
-        [4.98, 5.18, 5.43, 5.73, 6.08, 6.48, 6.98, 7.58, 8.43, 9.7, 11.75, 15.0],
-    ]
+_HDL_64E = np.concatenate([2.0 - np.arange(32) / 3.0, -8.83 - 0.5 * np.arange(32)])
+_ABOVE = np.array([15.0, 11.75, 9.7, 8.43, 7.58, 6.98, 6.48, 6.08, 5.73, 5.43, 5.18, 4.98])
+_BELOW = np.array([-6.65, -6.85, -7.15, -7.65, -8.352, -9.244, -10.346, -11.742, -13.565, -16.042, -19.582, -25.0])
+_VLS_128 = np.concatenate([_ABOVE, (-6.5 + 0.11 * np.arange(104))[::-1], _BELOW])
+_VLS_STAGGER = (6.354, 4.548, 2.732, 0.911, -0.911, -2.732, -4.548, -6.354)
+_OS1_64, _OS1_128 = np.linspace(22.5, -22.5, 64), np.linspace(22.5, -22.5, 128)
+_OS1_STAGGER = (4.23, 1.41, -1.41, -4.23)
+
+_USUAL = (  # elevations, columns, reach, greatest and least range; then what is not as of most
+    Sensor(
+        "HDL-64E", _HDL_64E, 2083, 50.0, 120.0, 0.9, noise=0.018, ring_bias=0.015, divergence=0.002, height=1.73, turn=1
+    ),
+    Sensor("HDL-32E", 10.67 - 4.0 / 3.0 * np.arange(32), 1084, 40.0, 100.0, 0.9, period=0.05, height=1.84),
+    Sensor("VLP-16", 15.0 - 2.0 * np.arange(16), 1800, 40.0, 100.0, 0.5),
+    Sensor("OS1-64", _OS1_64, 1024, 50.0, 120.0, 0.5, stagger=_OS1_STAGGER, organised=True, levels=4096),
+    Sensor("OS1-128", _OS1_128, 1024, 50.0, 120.0, 0.5, stagger=_OS1_STAGGER, organised=True, levels=4096),
+    Sensor("VLS-128", _VLS_128, 1876, 180.0, 245.0, 1.0, height=1.9, stagger=_VLS_STAGGER),
+    Sensor("Avia", np.linspace(0.5, -0.5, 6), 4000, 190.0, 450.0, 1.0, height=1.65, forward=0.9, rosette=(70.4, 76.2)),
 )
-
-_OS1_64 = Sensor(
-    "OS1-64",
-    elevations=np.linspace(22.5, -22.5, 64),
-    columns=1024,
-    reach=50.0,
-    max_range=120.0,
-    min_range=0.5,
-    stagger=(4.23, 1.41, -1.41, -4.23),
-    organised=True,
-    levels=4096,
-)
-
-_SENSORS = [
-    Sensor(
-        "HDL-64E",
-        elevations=np.concatenate([2.0 - np.arange(32) / 3.0, -8.83 - 0.5 * np.arange(32)]),
-        columns=2083,
-        reach=50.0,
-        max_range=120.0,
-        min_range=0.9,
-        noise=0.018,
-        ring_bias=0.015,
-        divergence=0.002,
-        height=1.73,
-        turn=1,
-    ),
-    Sensor(
-        "HDL-32E",
-        elevations=10.67 - 4.0 / 3.0 * np.arange(32),
-        columns=1084,
-        period=0.05,
-        reach=40.0,
-        max_range=100.0,
-        min_range=0.9,
-        height=1.84,
-    ),
-    Sensor(
-        "VLP-16",
-        elevations=15.0 - 2.0 * np.arange(16),
-        columns=1800,
-        reach=40.0,
-        max_range=100.0,
-        min_range=0.5,
-    ),
-    _OS1_64,
-    replace(_OS1_64, name="OS1-128", elevations=np.linspace(22.5, -22.5, 128)),
-    Sensor(
-        "VLS-128",
-        elevations=_ALPHA[::-1].copy(),
-        columns=1876,
-        reach=180.0,
-        max_range=245.0,
-        min_range=1.0,
-        height=1.9,
-        stagger=(6.354, 4.548, 2.732, 0.911, -0.911, -2.732, -4.548, -6.354),
-    ),
-    Sensor(
-        "Avia",
-        elevations=np.linspace(0.5, -0.5, 6),
-        columns=4000,
-        reach=190.0,
-        max_range=450.0,
-        min_range=1.0,
-        height=1.65,
-        forward=0.9,
-        rosette=(70.4, 76.2),
-    ),
-]
-
-_SLOW = replace(_SENSORS[0], name="HDL-64E-5Hz", columns=4167, period=0.2)  # the same unit at half its usual speed
-
-SENSORS = {sensor.name: sensor for sensor in (*_SENSORS, _SLOW)}
+_SLOW = replace(_USUAL[0], name="HDL-64E-5Hz", columns=4167, period=0.2)  # the same unit at half its usual speed
+SENSORS = {sensor.name: sensor for sensor in (*_USUAL, _SLOW)}
 """All sensors by name."""

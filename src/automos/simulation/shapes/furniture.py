@@ -3,25 +3,24 @@
 Foliage is a cloud of leaf-sized triangles, so that beams enter it as they enter leaves.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from automos.core.geometry import Array
 from automos.simulation.shapes.materials import Material
-from automos.simulation.shapes.mesh import Mesh, ball, box, from_faces, join, rod
+from automos.simulation.shapes.mesh import Mesh, ball, box, boxes_on_both_sides, from_faces, join, of_parts, rod
 
 METAL = Material.METAL
 
 
-def make_lamp(rng: np.random.Generator) -> Mesh:
+@of_parts
+def make_lamp(rng: np.random.Generator) -> Iterator[Mesh]:
     """Return a street lamp whose arm reaches toward -y."""
     height = rng.uniform(5.5, 9.0)
-    return join(
-        [
-            rod((0, 0, -0.3), (0, 0, height), 0.09, METAL, 0.8, end_radius=0.05),
-            rod((0, 0, height), (0, -1.2, height + 0.2), 0.04, METAL, 0.8, sections=5),
-            box((0.25, 0.6, 0.12), (0, -1.4, height + 0.2), Material.PLASTIC),
-        ]
-    )
+    yield rod((0, 0, -0.3), (0, 0, height), 0.09, METAL, 0.8, end_radius=0.05)
+    yield rod((0, 0, height), (0, -1.2, height + 0.2), 0.04, METAL, 0.8, sections=5)
+    yield box((0.25, 0.6, 0.12), (0, -1.4, height + 0.2), Material.PLASTIC)
 
 
 def make_sign(rng: np.random.Generator) -> Mesh:
@@ -31,14 +30,11 @@ def make_sign(rng: np.random.Generator) -> Mesh:
     return join([rod((0, 0, -0.3), (0, 0, height + 0.6), 0.035, METAL, sections=6), plate])
 
 
-def make_signal() -> Mesh:
+@of_parts
+def make_signal() -> Iterator[Mesh]:
     """Return a traffic light that faces -x."""
-    return join(
-        [
-            rod((0, 0, -0.3), (0, 0, 3.3), 0.06, METAL, 0.5),
-            box((0.25, 0.32, 0.95), (-0.1, 0, 2.8), Material.PLASTIC, 0.4),
-        ]
-    )
+    yield rod((0, 0, -0.3), (0, 0, 3.3), 0.06, METAL, 0.5)
+    yield box((0.25, 0.32, 0.95), (-0.1, 0, 2.8), Material.PLASTIC, 0.4)
 
 
 def make_bollard() -> Mesh:
@@ -46,87 +42,77 @@ def make_bollard() -> Mesh:
     return rod((0, 0, -0.2), (0, 0, 0.95), 0.06, METAL, 0.7)
 
 
-def make_bin() -> Mesh:
+@of_parts
+def make_bin() -> Iterator[Mesh]:
     """Return a litter bin on a post."""
-    return join(
-        [rod((0, 0, -0.2), (0, 0, 1.1), 0.04, METAL), box((0.35, 0.35, 0.55), (0, -0.2, 0.8), Material.PLASTIC)]
-    )
+    yield rod((0, 0, -0.2), (0, 0, 1.1), 0.04, METAL)
+    yield box((0.35, 0.35, 0.55), (0, -0.2, 0.8), Material.PLASTIC)
 
 
-def make_bench() -> Mesh:
+@of_parts
+def make_bench() -> Iterator[Mesh]:
     """Return a bench along x, looking toward -y."""
-    return join(
-        [
-            box((1.7, 0.45, 0.05), (0, 0, 0.45), Material.BARK),
-            box((1.7, 0.05, 0.40), (0, 0.24, 0.72), Material.BARK),
-            *(box((0.06, 0.45, 0.45), (x, 0, 0.22), METAL) for x in (-0.7, 0.7)),
-        ]
-    )
+    yield box((1.7, 0.45, 0.05), (0, 0, 0.45), Material.BARK)
+    yield box((1.7, 0.05, 0.40), (0, 0.24, 0.72), Material.BARK)
+    for x in (-0.7, 0.7):
+        yield box((0.06, 0.45, 0.45), (x, 0, 0.22), METAL)
 
 
-def make_cabinet(rng: np.random.Generator) -> Mesh:
+@of_parts
+def make_cabinet(rng: np.random.Generator) -> Iterator[Mesh]:
     """Return a distribution cabinet or litter container."""
     if rng.random() < 0.5:
-        return box((1.1, 0.4, 1.2), (0, 0, 0.55), Material.PLASTIC, 1.4)
-    return join(
-        [box((0.7, 0.75, 0.95), (0, 0, 0.62), Material.PLASTIC), box((0.6, 0.6, 0.15), (0, 0, 0.08), Material.RUBBER)]
-    )
+        yield box((1.1, 0.4, 1.2), (0, 0, 0.55), Material.PLASTIC, 1.4)
+    else:
+        yield box((0.7, 0.75, 0.95), (0, 0, 0.62), Material.PLASTIC)
+        yield box((0.6, 0.6, 0.15), (0, 0, 0.08), Material.RUBBER)
 
 
-def make_guard_rail(length: float) -> Mesh:
+@of_parts
+def make_guard_rail(length: float) -> Iterator[Mesh]:
     """Return a motorway guard rail along +x."""
-    posts = [box((0.08, 0.12, 0.95), (x, 0.08, 0.25), METAL, 0.8) for x in np.arange(0.0, length, 4.0)]
-    return join([*posts, box((length, 0.06, 0.31), (0.5 * length, 0, 0.6), METAL)])
+    for x in np.arange(0.0, length, 4.0):
+        yield box((0.08, 0.12, 0.95), (x, 0.08, 0.25), METAL, 0.8)
+    yield box((length, 0.06, 0.31), (0.5 * length, 0, 0.6), METAL)
 
 
-def make_barrier(length: float) -> Mesh:
+@of_parts
+def make_barrier(length: float) -> Iterator[Mesh]:
     """Return a concrete motorway barrier along +x."""
-    return join(
-        [
-            box((length, 0.6, 0.45), (0.5 * length, 0, 0.05), Material.STONE),
-            box((length, 0.22, 0.70), (0.5 * length, 0, 0.55), Material.STONE),
-        ]
-    )
+    yield box((length, 0.6, 0.45), (0.5 * length, 0, 0.05), Material.STONE)
+    yield box((length, 0.22, 0.70), (0.5 * length, 0, 0.55), Material.STONE)
 
 
-def make_delineator() -> Mesh:
+@of_parts
+def make_delineator() -> Iterator[Mesh]:
     """Return a roadside post with its reflector."""
-    return join(
-        [
-            box((0.10, 0.12, 1.2), (0, 0, 0.45), Material.PLASTIC, 3.0),
-            box((0.01, 0.08, 0.18), (-0.06, 0, 0.75), Material.RETRO, 0.5),
-        ]
-    )
+    yield box((0.10, 0.12, 1.2), (0, 0, 0.45), Material.PLASTIC, 3.0)
+    yield box((0.01, 0.08, 0.18), (-0.06, 0, 0.75), Material.RETRO, 0.5)
 
 
-def make_gantry(width: float) -> Mesh:
+@of_parts
+def make_gantry(width: float) -> Iterator[Mesh]:
     """Return a sign gantry across a road that runs along x; it spans y from -width/2 to width/2."""
-    half = 0.5 * width
-    parts = [rod((0, s * half, -0.5), (0, s * half, 6.6), 0.2, METAL) for s in (-1.0, 1.0)]
-    parts.append(box((0.5, width, 0.6), (0, 0, 6.6), METAL))
-    for y in np.linspace(-0.3, 0.3, 2) * width:
-        parts.append(box((0.06, 4.0, 2.2), (-0.35, y, 6.6), Material.RETRO, 0.6))
-    return join(parts)
+    for y in (-0.5 * width, 0.5 * width):
+        yield rod((0, y, -0.5), (0, y, 6.6), 0.2, METAL)
+    yield box((0.5, width, 0.6), (0, 0, 6.6), METAL)
+    yield boxes_on_both_sides((0.06, 4.0, 2.2), (-0.35, 0.3 * width, 6.6), Material.RETRO, 0.6)
 
 
 DECK_THICKNESS = 1.1
 """Metres."""
 
 
-def make_viaduct(span: float, width: float, clearance: float, clear_of: float) -> Mesh:
+@of_parts
+def make_viaduct(span: float, width: float, clearance: float, clear_of: float) -> Iterator[Mesh]:
     """Return a flat bridge along x over `span` metres, about the origin; no pier within `clear_of` metres of it."""
-    half = 0.5 * width
-    parts = [box((span, width, DECK_THICKNESS), (0, 0, clearance + 0.5 * DECK_THICKNESS), Material.STONE)]
-    for side in (-1.0, 1.0):
-        parts.append(
-            box((span, 0.25, 1.0), (0, side * (half - 0.12), clearance + DECK_THICKNESS + 0.5), Material.STONE, 1.1)
-        )
-    for x in np.arange(clear_of + 2.0, 0.5 * span, 18.0):
+    yield box((span, width, DECK_THICKNESS), (0, 0, clearance + 0.5 * DECK_THICKNESS), Material.STONE)
+    rail = (0, 0.5 * width - 0.12, clearance + DECK_THICKNESS + 0.5)
+    yield boxes_on_both_sides((span, 0.25, 1.0), rail, Material.STONE, 1.1)
+    for away in np.arange(clear_of + 2.0, 0.5 * span, 18.0):
         for y in (-0.3 * width, 0.3 * width):
-            parts += [
-                rod((s * x, y, -8.0), (s * x, y, clearance), 0.45, Material.STONE, sections=12) for s in (-1.0, 1.0)
-            ]
-    return join(parts)
+            for x in (-away, away):
+                yield rod((x, y, -8.0), (x, y, clearance), 0.45, Material.STONE, sections=12)
 
 
 def leaves(centers: Array, size: float, rng: np.random.Generator) -> Mesh:
@@ -134,9 +120,7 @@ def leaves(centers: Array, size: float, rng: np.random.Generator) -> Mesh:
     corners = centers[:, None, :] + rng.normal(0.0, 0.5 * size, (len(centers), 3, 3))
     corners[..., 2] = np.maximum(corners[..., 2], 0.02)
     faces = np.arange(3 * len(centers)).reshape(-1, 3)
-    mesh = from_faces(corners.reshape(-1, 3), faces, Material.LEAVES)
-    tints = rng.uniform(0.5, 1.5, len(centers)).astype(np.float32)
-    return Mesh(mesh.vertices, mesh.faces, mesh.material, tints)
+    return from_faces(corners.reshape(-1, 3), faces, Material.LEAVES, rng.uniform(0.5, 1.5, len(centers)))
 
 
 def _in_ellipsoid(n: int, radii: Array, rng: np.random.Generator, hollow: float) -> Array:
@@ -147,16 +131,15 @@ def _in_ellipsoid(n: int, radii: Array, rng: np.random.Generator, hollow: float)
     return direction * depth[:, None] * radii
 
 
-def make_tree(rng: np.random.Generator, height: float) -> Mesh:
+@of_parts
+def make_tree(rng: np.random.Generator, height: float) -> Iterator[Mesh]:
     """Return a deciduous tree: trunk, branches, and a canopy of several lumps."""
     trunk_height = height * rng.uniform(0.24, 0.36)
     radius = 0.012 * height + rng.uniform(0.03, 0.10)
     lean = rng.normal(0.0, 0.02, 2) * height
     top = np.array([lean[0], lean[1], 0.75 * height])
-    parts = [
-        ball((radius * 2.2, radius * 2.2, 0.25), (0, 0, 0), Material.BARK),
-        rod((0, 0, 0), top, radius, Material.BARK, end_radius=0.3 * radius, sections=8),
-    ]
+    yield ball((radius * 2.2, radius * 2.2, 0.25), (0, 0, 0), Material.BARK)
+    yield rod((0, 0, 0), top, radius, Material.BARK, end_radius=0.3 * radius, sections=8)
     spread = height * rng.uniform(0.24, 0.34)
     for _ in range(int(rng.integers(5, 9))):
         angle, up = rng.uniform(0, 2 * np.pi), rng.uniform(0.3, 0.95)
@@ -164,12 +147,11 @@ def make_tree(rng: np.random.Generator, height: float) -> Mesh:
         z = trunk_height + up * (0.82 * height - trunk_height)
         tip = np.array([out * np.cos(angle), out * np.sin(angle), z]) + np.array([*lean, 0.0])
         foot = top * rng.uniform(0.35, 0.8)
-        parts.append(rod(foot, tip, 0.35 * radius, Material.BARK, end_radius=0.1 * radius, sections=5))
+        yield rod(foot, tip, 0.35 * radius, Material.BARK, end_radius=0.1 * radius, sections=5)
         lump = spread * rng.uniform(0.45, 0.7)
         radii = np.array([lump, lump, 0.8 * lump])
         n = int(13.0 * 4.2 * lump**3 / 0.35)
-        parts.append(leaves(tip + _in_ellipsoid(min(max(n, 40), 420), radii, rng, 0.5), 0.32, rng))
-    return join(parts)
+        yield leaves(tip + _in_ellipsoid(min(max(n, 40), 420), radii, rng, 0.5), 0.32, rng)
 
 
 def make_bush(rng: np.random.Generator, radius: float, height: float) -> Mesh:
@@ -191,17 +173,14 @@ def make_thicket(rng: np.random.Generator, radius: float, height: float) -> Mesh
     return join([stem, leaves(centers, 0.38, rng)])
 
 
-def make_hedge(rng: np.random.Generator, length: float, height: float, depth: float = 0.7) -> Mesh:
-    """Return a clipped hedge along +x from 0 to `length`."""
-    n = int(140 * length * height * depth)
-    centers = rng.uniform((0, -0.5 * depth, 0.02), (length, 0.5 * depth, height), (n, 3))
-    stems = box_core(length, height, depth)
-    return join([stems, leaves(centers, 0.15, rng)])
-
-
-def box_core(length: float, height: float, depth: float) -> Mesh:
-    """Return the wood inside a hedge: what stops the beams that pass the leaves."""
-    return box((length, 0.1 * depth, 0.9 * height), (0.5 * length, 0.0, 0.45 * height), Material.BARK, 0.8)
+def make_hedge(rng: np.random.Generator, length: float, height: float) -> Mesh:
+    """Return a clipped hedge along +x from 0 to `length`: leaves, and the wood that stops the beams that pass them."""
+    depth = 0.7
+    centers = rng.uniform(
+        (0, -0.5 * depth, 0.02), (length, 0.5 * depth, height), (int(140 * length * height * depth), 3)
+    )
+    wood = box((length, 0.1 * depth, 0.9 * height), (0.5 * length, 0.0, 0.45 * height), Material.BARK, 0.8)
+    return join([wood, leaves(centers, 0.15, rng)])
 
 
 def make_tuft(rng: np.random.Generator, radius: float, height: float) -> Mesh:

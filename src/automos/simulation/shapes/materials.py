@@ -5,7 +5,7 @@ black rubber 0.05, retro-reflective sheeting tens of times a white sheet of pape
 """
 
 from dataclasses import dataclass
-from enum import IntEnum, auto
+from enum import IntEnum
 
 import numpy as np
 
@@ -13,23 +13,8 @@ import numpy as np
 class Material(IntEnum):
     """One number per mesh face."""
 
-    ASPHALT = 0
-    PAVEMENT = auto()
-    GRASS = auto()
-    SOIL = auto()
-    WALL = auto()
-    STONE = auto()
-    WINDOW = auto()
-    LEAVES = auto()
-    BARK = auto()
-    METAL = auto()
-    PAINT = auto()
-    PLASTIC = auto()
-    CAR_GLASS = auto()
-    RUBBER = auto()
-    CLOTH = auto()
-    SKIN = auto()
-    RETRO = auto()
+    ASPHALT, PAVEMENT, GRASS, SOIL, WALL, STONE, WINDOW, LEAVES, BARK = range(9)
+    METAL, PAINT, PLASTIC, CAR_GLASS, RUBBER, CLOTH, SKIN, RETRO = range(9, 17)
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,11 @@ from `trimesh`. Units are metres; x is forward, y left, z up, and z = 0 is the g
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from functools import lru_cache
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, wraps
+from itertools import pairwise
+from typing import ParamSpec
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +20,7 @@ from automos.simulation.shapes.materials import Material
 
 Vector = Sequence[float] | npt.NDArray[np.float64]
 """Three numbers."""
+_Given = ParamSpec("_Given")
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,22 +51,21 @@ class Mesh:
         """Return the mesh turned by `yaw` (radians) about +z and then shifted."""
         c, s = np.cos(yaw), np.sin(yaw)
         R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        return Mesh(self.vertices @ R.T + (x, y, z), self.faces, self.material, self.tint)
+        return replace(self, vertices=self.vertices @ R.T + (x, y, z))
 
     def transformed(self, T: npt.NDArray[np.float64]) -> Mesh:
         """Return the mesh mapped by the (4, 4) transform `T`."""
-        return Mesh(self.vertices @ T[:3, :3].T + T[:3, 3], self.faces, self.material, self.tint)
+        return replace(self, vertices=self.vertices @ T[:3, :3].T + T[:3, 3])
 
     def scaled(self, factor: float | Sequence[float]) -> Mesh:
         """Return the mesh stretched by one factor or one per axis."""
-        return Mesh(self.vertices * np.asarray(factor), self.faces, self.material, self.tint)
+        return replace(self, vertices=self.vertices * np.asarray(factor))
 
-    def tinted(self, factor: float, material: Material | None = None) -> Mesh:
-        """Return the mesh with the tint of all faces (or those of one material) multiplied by `factor`."""
-        rows = slice(None) if material is None else self.material == material
+    def painted(self, factor: float) -> Mesh:
+        """Return the mesh with the tint of all its paint multiplied by `factor`."""
         tint = self.tint.copy()
-        tint[rows] *= factor
-        return Mesh(self.vertices, self.faces, self.material, tint)
+        tint[self.material == Material.PAINT] *= factor
+        return replace(self, tint=tint)
 
     @property
     def bounds(self) -> npt.NDArray[np.float64]:
@@ -74,8 +76,6 @@ class Mesh:
 def join(meshes: Iterable[Mesh]) -> Mesh:
     """Return one mesh of all `meshes`, faces in order."""
     meshes = list(meshes)
-    if not meshes:
-        return Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32), np.zeros(0, np.uint8), np.zeros(0, np.float32))
     starts = np.cumsum([0] + [len(m.vertices) for m in meshes[:-1]])
     return Mesh(
         np.concatenate([m.vertices for m in meshes]),
@@ -85,15 +85,21 @@ def join(meshes: Iterable[Mesh]) -> Mesh:
     )
 
 
-def from_faces(vertices: npt.ArrayLike, faces: npt.ArrayLike, material: Material, tint: float = 1.0) -> Mesh:
-    """Return a mesh of one material."""
+def of_parts(parts: Callable[_Given, Iterable[Mesh]]) -> Callable[_Given, Mesh]:
+    """Turn a function that yields the parts of something into one that returns the whole."""
+
+    @wraps(parts)
+    def whole(*args: _Given.args, **named: _Given.kwargs) -> Mesh:
+        return join(parts(*args, **named))
+
+    return whole
+
+
+def from_faces(vertices: npt.ArrayLike, faces: npt.ArrayLike, material: Material, tint: npt.ArrayLike = 1.0) -> Mesh:
+    """Return a mesh of one material, and of one tint or one per face."""
     faces = np.asarray(faces, np.int32)
-    return Mesh(
-        np.asarray(vertices, np.float64),
-        faces,
-        np.full(len(faces), material, np.uint8),
-        np.full(len(faces), tint, np.float32),
-    )
+    materials, tints = np.full(len(faces), material, np.uint8), np.full(len(faces), tint, np.float32)
+    return Mesh(np.asarray(vertices, np.float64), faces, materials, tints)
 
 
 def quads(corners: npt.ArrayLike, material: Material, tint: float = 1.0) -> Mesh:
@@ -104,9 +110,8 @@ def quads(corners: npt.ArrayLike, material: Material, tint: float = 1.0) -> Mesh
     return from_faces(corners.reshape(-1, 3), faces, material, tint)
 
 
-_BOX_CORNERS = np.array(
-    [[x, y, z] for z in (-0.5, 0.5) for x, y in ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))]
-)
+_SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+_BOX_CORNERS = np.array([[*corner, z] for z in (-0.5, 0.5) for corner in _SQUARE])
 _BOX_RIMS = np.array([[0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]])
 
 
@@ -116,7 +121,13 @@ def box(size: Vector, center: Vector, material: Material, tint: float = 1.0) -> 
     return quads(corners[_BOX_RIMS], material, tint)
 
 
-@lru_cache(maxsize=16)
+def boxes_on_both_sides(size: Vector, center: Vector, material: Material, tint: float = 1.0) -> Mesh:
+    """Return two boxes of `size`, the one on the left about `center`; the one on the right comes first."""
+    x, y, z = center
+    return join([box(size, (x, side * y, z), material, tint) for side in (-1.0, 1.0)])
+
+
+@cache
 def _unit_cylinder(sections: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int32]]:
     import trimesh
 
@@ -144,7 +155,7 @@ def rod(
     return from_faces(vertices * np.hstack([width, width, np.ones_like(width)]) @ axes + start, faces, material, tint)
 
 
-@lru_cache(maxsize=1)
+@cache
 def _unit_ball() -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int32]]:
     import trimesh
 
@@ -158,12 +169,12 @@ def ball(radius: float | Vector, center: Vector, material: Material, tint: float
     return from_faces(vertices * np.asarray(radius) + np.asarray(center), faces, material, tint)
 
 
-def wheel(center: Vector, radius: float, width: float) -> Mesh:
+@of_parts
+def wheel(center: Vector, radius: float, width: float) -> Iterator[Mesh]:
     """Return a tyre with its rim; its axle lies along y."""
     x, y, z = center
-    tyre = rod((x, y - 0.5 * width, z), (x, y + 0.5 * width, z), radius, Material.RUBBER, sections=14)
-    rim = rod((x, y - 0.52 * width, z), (x, y + 0.52 * width, z), 0.62 * radius, Material.METAL, 0.8, sections=10)
-    return join([tyre, rim])
+    yield rod((x, y - 0.5 * width, z), (x, y + 0.5 * width, z), radius, Material.RUBBER, sections=14)
+    yield rod((x, y - 0.52 * width, z), (x, y + 0.52 * width, z), 0.62 * radius, Material.METAL, 0.8, sections=10)
 
 
 @dataclass(frozen=True)
@@ -183,28 +194,21 @@ class Section:
     upper: Material = Material.PAINT
     roof: Material = Material.PAINT
 
+    @property
+    def rim(self) -> npt.NDArray[np.float64]:
+        """(6, 3) its corners: up on the left, down on the right."""
+        left = [(self.half_belt * 0.94, self.bottom), (self.half_belt, self.belt), (self.half_top, self.top)]
+        return np.array([(self.x, y, z) for y, z in left] + [(self.x, -y, z) for y, z in reversed(left)])
 
-def loft(sections: Sequence[Section], side: Material = Material.PAINT, caps: Material = Material.PAINT) -> Mesh:
+
+@of_parts
+def loft(sections: Sequence[Section], caps: Material = Material.PAINT) -> Iterator[Mesh]:
     """Return the closed body through `sections`, which run along +x."""
-    rims = np.array(
-        [
-            [
-                (s.x, s.half_belt * 0.94, s.bottom),
-                (s.x, s.half_belt, s.belt),
-                (s.x, s.half_top, s.top),
-                (s.x, -s.half_top, s.top),
-                (s.x, -s.half_belt, s.belt),
-                (s.x, -s.half_belt * 0.94, s.bottom),
-            ]
-            for s in sections
-        ]
-    )  # (S, 6, 3)
-    parts = []
-    for k, section in enumerate(sections[:-1]):
-        strip = [side, section.upper, section.roof, section.upper, side, Material.PLASTIC]
-        for j in range(6):
+    for section, following in pairwise(sections):
+        rim, other = section.rim, following.rim
+        strip = [Material.PAINT, section.upper, section.roof, section.upper, Material.PAINT, Material.PLASTIC]
+        for j, material in enumerate(strip):
             i = (j + 1) % 6
-            parts.append(quads([rims[k, j], rims[k, i], rims[k + 1, i], rims[k + 1, j]], strip[j]))
-    for rim in (rims[0], rims[-1]):
-        parts.append(from_faces(rim, [[0, 1, 4], [0, 4, 5], [1, 2, 3], [1, 3, 4]], caps))
-    return join(parts)
+            yield quads([rim[j], rim[i], other[i], other[j]], material)
+    for section in (sections[0], sections[-1]):
+        yield from_faces(section.rim, [[0, 1, 4], [0, 4, 5], [1, 2, 3], [1, 3, 4]], caps)

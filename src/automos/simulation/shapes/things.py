@@ -23,12 +23,15 @@ class Thing:
         Metres travelled per cycle of the frames.
     axles : tuple[float, float]
         X of the rear and front point that follow the path, metres.
+    gap : float
+        Metres along the path from the origin of what pulls it back to its own.
     """
 
     kind: str
     frames: tuple[Mesh, ...]
     stride: float = 1.0
     axles: tuple[float, float] = (-0.1, 0.1)
+    gap: float = 0.0
 
     @cached_property
     def bounds(self) -> npt.NDArray[np.float64]:

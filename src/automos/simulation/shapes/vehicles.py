@@ -3,10 +3,12 @@
 Every maker takes a random generator and returns a :class:`Thing` whose sizes and paint vary within what is on the road.
 """
 
+from collections.abc import Iterable, Iterator
+
 import numpy as np
 
 from automos.simulation.shapes.materials import Material
-from automos.simulation.shapes.mesh import Mesh, Section, box, join, loft, wheel
+from automos.simulation.shapes.mesh import Mesh, Section, Vector, box, boxes_on_both_sides, join, loft, of_parts, wheel
 from automos.simulation.shapes.things import Thing
 
 GLASS = Material.CAR_GLASS
@@ -18,59 +20,45 @@ def _paint(rng: np.random.Generator) -> float:
     return float(rng.choice(_PAINTS) * rng.uniform(0.85, 1.15))
 
 
-def _wheels(front: float, rear: float, half_width: float, radius: float, extra: tuple[float, ...] = ()) -> Mesh:
+def _wheels(xs: Iterable[float], half_width: float, radius: float) -> Mesh:
     width = 0.62 * radius
-    inset = half_width - 0.5 * width
-    return join(
-        [wheel((x, side * inset, radius), radius, width) for x in (front, rear, *extra) for side in (-1.0, 1.0)]
-    )
+    y = half_width - 0.5 * width
+    return join([wheel((x, side * y, radius), radius, width) for x in xs for side in (-1.0, 1.0)])
 
 
-def _plates_and_lamps(front: float, rear: float, half_width: float, height: float) -> Mesh:
-    parts = [
-        box((0.02, 0.50, 0.11), (front + 0.01, 0.0, 0.45), Material.RETRO, 0.5),
-        box((0.02, 0.50, 0.11), (rear - 0.01, 0.0, height - 0.15), Material.RETRO, 0.5),
-    ]
+@of_parts
+def _plates_and_lamps(front: float, rear: float, half_width: float, height: float) -> Iterator[Mesh]:
+    yield box((0.02, 0.50, 0.11), (front + 0.01, 0.0, 0.45), Material.RETRO, 0.5)
+    yield box((0.02, 0.50, 0.11), (rear - 0.01, 0.0, height - 0.15), Material.RETRO, 0.5)
     for side in (-1.0, 1.0):
         y = side * (half_width - 0.20)
-        parts.append(box((0.03, 0.24, 0.14), (rear - 0.01, y, height), Material.RETRO, 0.15))
-        parts.append(box((0.03, 0.28, 0.14), (front - 0.03, y, height - 0.08), Material.CAR_GLASS))
-    return join(parts)
+        yield box((0.03, 0.24, 0.14), (rear - 0.01, y, height), Material.RETRO, 0.15)
+        yield box((0.03, 0.28, 0.14), (front - 0.03, y, height - 0.08), Material.CAR_GLASS)
 
 
-def _seats(rows: tuple[float, ...], half_width: float, floor: float) -> Mesh:
-    parts = [
-        box((0.12, 0.48, 0.85), (x, side * 0.45 * half_width, floor + 0.43), Material.CLOTH, 0.4)
-        for x in rows
-        for side in (-1.0, 1.0)
-    ]
-    return join(parts)
+def _seats(rows: Iterable[float], half_width: float, floor: float) -> Mesh:
+    size, y, z = (0.12, 0.48, 0.85), 0.45 * half_width, floor + 0.43
+    return join([boxes_on_both_sides(size, (x, y, z), Material.CLOTH, 0.4) for x in rows])
 
 
-def _pillars(stations: np.ndarray, half_width: float, size: tuple[float, float, float], height: float) -> Mesh:
-    return join(
-        [box(size, (float(x), side * half_width, height), Material.PAINT) for x in stations for side in (-1.0, 1.0)]
-    )
+def _pillars(rows: Iterable[float], half_width: float, size: Vector, height: float) -> Mesh:
+    return join([boxes_on_both_sides(size, (x, half_width, height), Material.PAINT) for x in rows])
 
 
 _CAR_SHAPES = {
-    # length, width, height, bonnet end, cabin front foot, roof front, roof rear, cabin rear foot (fractions from front)
-    "sedan": (4.65, 1.80, 1.45, 0.03, 0.27, 0.42, 0.70, 0.86),
-    "hatchback": (4.00, 1.74, 1.48, 0.03, 0.24, 0.40, 0.88, 0.97),
-    "estate": (4.75, 1.82, 1.47, 0.03, 0.26, 0.40, 0.92, 0.98),
-    "suv": (4.55, 1.88, 1.68, 0.03, 0.24, 0.38, 0.88, 0.97),
+    # length, width, height, cabin front foot, roof front, roof rear, cabin rear foot (fractions from front)
+    "sedan": (4.65, 1.80, 1.45, 0.27, 0.42, 0.70, 0.86),
+    "hatchback": (4.00, 1.74, 1.48, 0.24, 0.40, 0.88, 0.97),
+    "estate": (4.75, 1.82, 1.47, 0.26, 0.40, 0.92, 0.98),
+    "suv": (4.55, 1.88, 1.68, 0.24, 0.38, 0.88, 0.97),
 }
 
 
 def make_car(rng: np.random.Generator, shape: str | None = None) -> Thing:
     """Return a passenger car: a sedan, hatchback, estate or SUV."""
     shape = shape or str(rng.choice(list(_CAR_SHAPES), p=[0.25, 0.35, 0.2, 0.2]))
-    length, width, height, nose, foot, roof_front, roof_rear, tail = _CAR_SHAPES[shape]
-    length, width, height = (
-        length * rng.uniform(0.93, 1.06),
-        width * rng.uniform(0.97, 1.04),
-        height * rng.uniform(0.97, 1.05),
-    )
+    *size, foot, roof_front, roof_rear, tail = _CAR_SHAPES[shape]
+    length, width, height = np.array(size) * rng.uniform((0.93, 0.97, 0.97), (1.06, 1.04, 1.05))
     front, half, clearance = 0.5 * length, 0.5 * width, 0.20
     belt = 0.62 * height
     deck = 0.66 * height if shape == "sedan" else belt + 0.02
@@ -80,35 +68,28 @@ def make_car(rng: np.random.Generator, shape: str | None = None) -> Thing:
 
     sections = [  # from the rear bumper forward; each rules the strip up to the next
         Section(at(1.0), 0.35, 0.45 * height, 0.52 * height, 0.86 * half, 0.78 * half),
-        Section(at(0.985), clearance, 0.50 * height, deck, 0.95 * half, 0.84 * half, roof=Material.PAINT),
+        Section(at(0.985), clearance, 0.50 * height, deck, 0.95 * half, 0.84 * half),
         Section(at(tail), clearance, belt, deck + 0.03, half, 0.82 * half, GLASS, GLASS),
-        Section(at(roof_rear), clearance, belt, 0.985 * height, half, 0.72 * half, GLASS, Material.PAINT),
-        Section(at(0.55), clearance, belt, height, half, 0.74 * half, GLASS, Material.PAINT),
+        Section(at(roof_rear), clearance, belt, 0.985 * height, half, 0.72 * half, GLASS),
+        Section(at(0.55), clearance, belt, height, half, 0.74 * half, GLASS),
         Section(at(roof_front), clearance, belt, 0.98 * height, half, 0.74 * half, GLASS, GLASS),
-        Section(at(foot), clearance, 0.60 * height, 0.66 * height, half, 0.86 * half, Material.PAINT, Material.PAINT),
-        Section(at(nose), clearance, 0.42 * height, 0.53 * height, 0.95 * half, 0.80 * half),
+        Section(at(foot), clearance, 0.60 * height, 0.66 * height, half, 0.86 * half),
+        Section(at(0.03), clearance, 0.42 * height, 0.53 * height, 0.95 * half, 0.80 * half),
         Section(at(0.0), 0.30, 0.36 * height, 0.44 * height, 0.86 * half, 0.76 * half),
     ]
     axle_front, axle_rear = front - 0.19 * length, -front + 0.19 * length
     radius = 0.31 if shape != "suv" else 0.36
     pillar = 0.5 * (at(roof_front) + at(roof_rear))
-    mesh = join(
-        [
-            loft(sections).tinted(_paint(rng), Material.PAINT),
-            _wheels(axle_front, axle_rear, half, radius),
-            _plates_and_lamps(front, -front, half, 0.45 * height),
-            _seats((at(0.52), at(0.75)), half, 0.35),
-            *(
-                box((0.10, 0.03, 0.30 * height), (pillar, side * 0.88 * half, 0.80 * height), Material.PLASTIC)
-                for side in (-1.0, 1.0)
-            ),
-            *(
-                box((0.12, 0.16, 0.12), (at(foot) - 0.35, side * (half + 0.05), 0.70 * height), Material.PLASTIC)
-                for side in (-1.0, 1.0)
-            ),
-        ]
-    )
-    return Thing("car", (mesh,), axles=(axle_rear, axle_front))
+    post, mirror = (pillar, 0.88 * half, 0.80 * height), (at(foot) - 0.35, half + 0.05, 0.70 * height)
+    parts = [
+        loft(sections).painted(_paint(rng)),
+        _wheels((axle_front, axle_rear), half, radius),
+        _plates_and_lamps(front, -front, half, 0.45 * height),
+        _seats((at(0.52), at(0.75)), half, 0.35),
+        boxes_on_both_sides((0.10, 0.03, 0.30 * height), post, Material.PLASTIC),
+        boxes_on_both_sides((0.12, 0.16, 0.12), mirror, Material.PLASTIC),
+    ]
+    return Thing("car", (join(parts),), axles=(axle_rear, axle_front))
 
 
 def make_van(rng: np.random.Generator) -> Thing:
@@ -126,15 +107,13 @@ def make_van(rng: np.random.Generator) -> Thing:
         Section(front, 0.35, 0.60, 0.80, half * 0.9, half * 0.75),
     ]
     axles = (-front + 0.22 * length, front - 0.85)
-    mesh = join(
-        [
-            loft(sections).tinted(paint, Material.PAINT),
-            _wheels(axles[1], axles[0], half, 0.34),
-            _plates_and_lamps(front, -front, half, 0.8),
-            _seats((front - 2.0,), half, 0.6),
-        ]
-    )
-    return Thing("van", (mesh,), axles=axles)
+    parts = [
+        loft(sections).painted(paint),
+        _wheels(axles[::-1], half, 0.34),
+        _plates_and_lamps(front, -front, half, 0.8),
+        _seats((front - 2.0,), half, 0.6),
+    ]
+    return Thing("van", (join(parts),), axles=axles)
 
 
 def _cab(front: float, half: float, height: float, depth: float, paint: float) -> Mesh:
@@ -144,8 +123,13 @@ def _cab(front: float, half: float, height: float, depth: float, paint: float) -
         Section(front - 0.15, 0.45, 1.55, height - 0.35, half, half * 0.95),
         Section(front, 0.45, 1.45, height - 0.55, half * 0.97, half * 0.92),
     ]
-    windscreen = box((0.02, 1.8 * half, 0.75), (front + 0.0, 0.0, 0.5 * height + 0.45), GLASS)
-    return join([loft(sections).tinted(paint, Material.PAINT), windscreen])
+    windscreen = box((0.02, 1.8 * half, 0.75), (front, 0.0, 0.5 * height + 0.45), GLASS)
+    return join([loft(sections).painted(paint), windscreen])
+
+
+def _cargo(length: float, half: float, heights: tuple[float, float], middle: float, tint: float) -> Mesh:
+    low, high = heights
+    return box((length, 2 * half, high - low), (middle, 0.0, 0.5 * (high + low)), Material.PAINT, tint)
 
 
 def make_lorry(rng: np.random.Generator) -> Thing:
@@ -154,21 +138,14 @@ def make_lorry(rng: np.random.Generator) -> Thing:
     front = 0.5 * length
     body = length - 2.1
     axles = (-front + 0.26 * length, front - 1.3)
-    mesh = join(
-        [
-            _cab(front, half * 0.95, 2.7, 2.0, _paint(rng)),
-            box(
-                (body, 2 * half, height - 1.0),
-                (-front + 0.5 * body, 0.0, 0.5 * (height + 1.0)),
-                Material.PAINT,
-                rng.uniform(0.6, 1.4),
-            ),
-            box((length - 0.4, 0.9, 0.3), (0.0, 0.0, 0.82), Material.METAL, 0.4),
-            _wheels(axles[1], axles[0], half, 0.45),
-            _plates_and_lamps(front, -front, half, 0.9),
-        ]
-    )
-    return Thing("truck", (mesh,), axles=axles)
+    parts = [
+        _cab(front, half * 0.95, 2.7, 2.0, _paint(rng)),
+        _cargo(body, half, (1.0, height), -front + 0.5 * body, rng.uniform(0.6, 1.4)),
+        box((length - 0.4, 0.9, 0.3), (0.0, 0.0, 0.82), Material.METAL, 0.4),
+        _wheels(axles[::-1], half, 0.45),
+        _plates_and_lamps(front, -front, half, 0.9),
+    ]
+    return Thing("truck", (join(parts),), axles=axles)
 
 
 def make_tractor_and_trailer(rng: np.random.Generator) -> tuple[Thing, Thing]:
@@ -176,64 +153,49 @@ def make_tractor_and_trailer(rng: np.random.Generator) -> tuple[Thing, Thing]:
 
     The trailer's axles are its kingpin and its bogie, so that placing both on the path makes it follow.
     """
-    half = 1.25
-    tractor_length, front = 6.0, 3.0
-    tractor = join(
-        [
-            _cab(front, half * 0.98, rng.uniform(3.0, 3.7), 2.3, _paint(rng)),
-            box((tractor_length - 0.3, 0.9, 0.35), (0.0, 0.0, 0.85), Material.METAL, 0.4),
-            _wheels(1.6, -1.9, half, 0.5),
-            _plates_and_lamps(front, -front + 0.6, half, 0.8),
-        ]
-    )
+    half, front = 1.25, 3.0
+    tractor = [
+        _cab(front, half * 0.98, rng.uniform(3.0, 3.7), 2.3, _paint(rng)),
+        box((5.7, 0.9, 0.35), (0.0, 0.0, 0.85), Material.METAL, 0.4),
+        _wheels((1.6, -1.9), half, 0.5),
+        _plates_and_lamps(front, -front + 0.6, half, 0.8),
+    ]
     length, height = 13.6, rng.uniform(3.7, 4.0)
-    trailer = join(
-        [
-            box(
-                (length, 2 * half, height - 1.15),
-                (0.0, 0.0, 0.5 * (height + 1.15)),
-                Material.PAINT,
-                rng.uniform(0.5, 1.4),
-            ),
-            box((length - 1.0, 1.0, 0.3), (0.0, 0.0, 1.0), Material.METAL, 0.4),
-            _wheels(-2.6, -5.2, half, 0.5, extra=(-3.9,)),
-            box((2.6, 2 * half - 0.1, 0.5), (0.6, 0.0, 0.75), Material.PLASTIC),
-            box((0.03, 2 * half - 0.2, 0.12), (-0.5 * length - 0.02, 0.0, 1.1), Material.RETRO, 0.3),
-        ]
-    )
-    return Thing("truck", (tractor,), axles=(-1.9, 1.6)), Thing("trailer", (trailer,), axles=(-3.9, 0.5 * length - 1.2))
-
-
-TRAILER_GAP = 6.6
-"""Metres along the path from the tractor's middle back to the trailer's middle."""
+    trailer = [
+        _cargo(length, half, (1.15, height), 0.0, rng.uniform(0.5, 1.4)),
+        box((length - 1.0, 1.0, 0.3), (0.0, 0.0, 1.0), Material.METAL, 0.4),
+        _wheels((-2.6, -5.2, -3.9), half, 0.5),
+        box((2.6, 2 * half - 0.1, 0.5), (0.6, 0.0, 0.75), Material.PLASTIC),
+        box((0.03, 2 * half - 0.2, 0.12), (-0.5 * length - 0.02, 0.0, 1.1), Material.RETRO, 0.3),
+    ]
+    axles, gap = (-3.9, 0.5 * length - 1.2), 6.6
+    return Thing("truck", (join(tractor),), axles=(-1.9, 1.6)), Thing("trailer", (join(trailer),), 1.0, axles, gap)
 
 
 def make_bus(rng: np.random.Generator) -> Thing:
     """Return a city bus."""
-    length, half, height = 12.0, 1.27, 3.05
-    front = 0.5 * length
+    front, half = 6.0, 1.27
     stations = np.linspace(-front, front, 9)
-    sections = [Section(float(x), 0.35, 1.25, height, half, half * 0.96, GLASS) for x in stations]
-    pillars = _pillars(stations, half * 0.985, (0.25, 0.04, 1.7), 2.1)
-    seats = [_seats(tuple(np.arange(-4.5, 4.6, 0.9)), half * 1.3, 0.5)]
-    mesh = join([loft(sections, caps=GLASS), pillars]).tinted(_paint(rng), Material.PAINT)
-    mesh = join([mesh, *seats, _wheels(3.1, -2.8, half, 0.48), _plates_and_lamps(front, -front, half, 0.9)])
-    return Thing("bus", (mesh,), axles=(-2.8, 3.1))
+    sections = [Section(x, 0.35, 1.25, 3.05, half, half * 0.96, GLASS) for x in stations]
+    shell = [loft(sections, caps=GLASS), _pillars(stations, half * 0.985, (0.25, 0.04, 1.7), 2.1)]
+    parts = [
+        join(shell).painted(_paint(rng)),
+        _seats(np.arange(-4.5, 4.6, 0.9), half * 1.3, 0.5),
+        _wheels((3.1, -2.8), half, 0.48),
+        _plates_and_lamps(front, -front, half, 0.9),
+    ]
+    return Thing("bus", (join(parts),), axles=(-2.8, 3.1))
 
 
-TRAM_CAR = 9.5
-"""Metres, length of one section of a tram."""
-
-
-def make_tram_car(rng: np.random.Generator, length: float = TRAM_CAR) -> Thing:
+def make_tram_car(rng: np.random.Generator) -> Thing:
     """Return one section of an articulated tram."""
-    half, height = 1.2, 3.4
-    front = 0.5 * length
-    stations = np.linspace(-front, front, 7)
-    sections = [Section(float(x), 0.15, 1.2, height, half, half * 0.95, GLASS) for x in stations]
-    pillars = _pillars(stations, half * 0.98, (0.35, 0.04, 1.9), 2.2)
-    bogie = box((3.0, 2.0, 0.5), (0.0, 0.0, 0.3), Material.METAL, 0.4)
-    mesh = join([loft(sections, caps=Material.PLASTIC), pillars, bogie]).tinted(
-        float(rng.uniform(0.5, 1.2)), Material.PAINT
-    )
-    return Thing("tram", (mesh,), axles=(-0.35 * length, 0.35 * length))
+    length, half = 9.5, 1.2
+    stations = np.linspace(-0.5 * length, 0.5 * length, 7)
+    sections = [Section(x, 0.15, 1.2, 3.4, half, half * 0.95, GLASS) for x in stations]
+    parts = [
+        loft(sections, caps=Material.PLASTIC),
+        _pillars(stations, half * 0.98, (0.35, 0.04, 1.9), 2.2),
+        box((3.0, 2.0, 0.5), (0.0, 0.0, 0.3), Material.METAL, 0.4),
+    ]
+    mesh = join(parts).painted(rng.uniform(0.5, 1.2))
+    return Thing("tram", (mesh,), axles=(-0.35 * length, 0.35 * length), gap=length + 0.5)

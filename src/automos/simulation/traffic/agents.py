@@ -1,9 +1,11 @@
 """Road users and lights, as a scenario describes them: who follows which path, and the crossroads where paths meet."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
 from automos.core.geometry import Array
 from automos.simulation.shapes.things import Thing
@@ -36,8 +38,6 @@ class Agent:
         Metres to the left of the path.
     wander : float
         Metres it strays to both sides.
-    gaps : tuple of float
-        Metres behind the first part's origin of each part's origin.
     headway : float
         Seconds to whom it follows.
     on_foot : bool
@@ -54,9 +54,13 @@ class Agent:
     stop: float = np.inf
     offset: float = 0.0
     wander: float = 0.15
-    gaps: tuple[float, ...] = (0.0,)
     headway: float = 1.3
     on_foot: bool = False
+
+    @cached_property
+    def gaps(self) -> Array:
+        """(P,) metres from the first part's origin back to each part's."""
+        return np.cumsum([0.0, *(part.gap for part in self.parts[1:])])
 
     @cached_property
     def front(self) -> float:
@@ -92,6 +96,8 @@ class Signal:
     shift: float = 0.0
 
 
+LANE, STOP = 1.75, 11.0
+"""Metres from an arm's middle line to the middle of its lanes, and from the centre of a crossing to its stop lines."""
 GREEN = 7.0
 """Seconds of green for one arm."""
 CLEAR = 2.5
@@ -102,30 +108,21 @@ WALK = 9.0
 
 @dataclass(frozen=True, eq=False)
 class Crossing:
-    """A place where arms meet; traffic keeps to the right, each arm has its own green, so that nobody's path is cut.
+    """Where arms meet, about (0, 0); traffic keeps right, each arm has its own green, so that nobody's path is cut.
 
     Attributes
     ----------
-    center : (2,) float64
-        Metres.
-    headings : (A,) float
+    headings : (A,) float64
         Radians, outward direction of each arm.
-    reaches : (A,) float
+    reaches : A floats
         Metres, length of each arm.
-    lane : float
-        Metres from an arm's middle line to the middle of its lanes.
-    stop : float
-        Metres from the centre to the stop lines.
     shift : float
         Seconds by which the cycle is ahead at the start.
     """
 
-    center: Array
-    headings: tuple[float, ...]
-    reaches: tuple[float, ...]
-    lane: float = 1.75
-    stop: float = 11.0
-    shift: float = 0.0
+    headings: npt.NDArray
+    reaches: Sequence[float]
+    shift: float
 
     @property
     def period(self) -> float:
@@ -134,36 +131,32 @@ class Crossing:
 
     def arm(self, k: int, offset: float = 0.0, inner: float = 0.0) -> Path:
         """Return the line of arm `k` from `inner` metres off the centre outward, `offset` metres to its left."""
-        out, left = self._axes(k)
-        start = self.center + inner * out + offset * left
-        return through([start, self.center + self.reaches[k] * out + offset * left])
+        return through(self._line(k, inner, offset))
 
     def way(self, i: int, j: int) -> Path:
         """Return the path in by arm `i` and out by arm `j`."""
-        (out_i, left_i), (out_j, left_j) = self._axes(i), self._axes(j)
-        a0 = self.center + self.reaches[i] * out_i + self.lane * left_i
-        b1 = self.center + self.reaches[j] * out_j - self.lane * left_j
-        a1 = self.center + self.stop * out_i + self.lane * left_i
-        b0 = self.center + self.stop * out_j - self.lane * left_j
+        (a1, a0), (b0, b1) = self._line(i, STOP, LANE), self._line(j, STOP, -LANE)
         is_right = np.sin(self.headings[j] - self.headings[i]) > 0
         return connect(a0, a1, b0, b1, 5.0 if is_right else 9.0)
 
     def light(self, i: int, path: Path) -> Signal:
         """Return the light of arm `i` for a `path` that comes in by it."""
-        shift = self.shift - i * (GREEN + CLEAR)
-        return Signal(path, self.reaches[i] - self.stop, self.period, GREEN, shift % self.period)
+        return self._signal(path, self.reaches[i] - STOP, GREEN, i)
 
     def walk(self, k: int) -> Path:
         """Return the path of people across arm `k`, from 14 m right of it to 14 m left."""
-        out, left = self._axes(k)
-        middle = self.center + (self.stop - 2.5) * out
-        return through([middle - 14.0 * left, middle + 14.0 * left])
+        return through([self._line(k, STOP - 2.5, offset)[0] for offset in (-14.0, 14.0)])
 
     def walk_light(self, path: Path, kerb: float) -> Signal:
         """Return the light for people on `path` who wait `kerb` metres from its start."""
-        shift = self.shift - len(self.headings) * (GREEN + CLEAR)
-        return Signal(path, kerb, self.period, WALK - 4.0, shift % self.period)
+        return self._signal(path, kerb, WALK - 4.0, len(self.headings))
 
-    def _axes(self, k: int) -> tuple[Array, Array]:
+    def _line(self, k: int, inner: float, offset: float) -> list[Array]:
+        """Return both ends, (2,) each, of a line along arm `k`."""
         c, s = np.cos(self.headings[k]), np.sin(self.headings[k])
-        return np.array([c, s]), np.array([-s, c])
+        return [away * np.array([c, s]) + offset * np.array([-s, c]) for away in (inner, self.reaches[k])]
+
+    def _signal(self, path: Path, at: float, green: float, turn: int) -> Signal:
+        """Return a light that turns green after `turn` arms had their green."""
+        shift = self.shift - turn * (GREEN + CLEAR)
+        return Signal(path, at, self.period, green, shift % self.period)

@@ -6,8 +6,6 @@ crossing and a pedestrian in front of the bonnet need no special case. An outlin
 aside for each other and stop for moving vehicles.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
@@ -39,24 +37,6 @@ ASIDE = (0.8, 1.2)
 """m/s at which people step aside, and metres they do so at most."""
 
 
-@dataclass(frozen=True, eq=False)
-class Drive:
-    """What the agents did, every DT seconds.
-
-    Attributes
-    ----------
-    s : (T, A) metres along each agent's path.
-    v : (T, A) m/s.
-    side : (T, A) metres to the left of the path.
-    present : (T, A) bool.
-    """
-
-    s: Array
-    v: Array
-    side: Array
-    present: npt.NDArray[np.bool_]
-
-
 # Tables are arrays of records: numba takes several times as long to compile the same with a tuple of columns.
 _LINES = np.dtype([("x", float), ("y", float), ("heading", float), ("limit", float)])
 """Samples of all paths, one path after the other; `limit` is the speed that bends allow."""
@@ -67,58 +47,39 @@ _CREW = np.dtype(
 )
 """What stays as it is of each agent; see `Agent`. `path` counts paths."""
 _STATE = np.dtype([(name, float) for name in ("s", "v", "side", "x", "y")] + [("present", np.bool_)])
-"""What an agent does at a step, as in `Drive`, and where in the plane that is."""
+"""An agent at a step: metres along its path, m/s, metres to its left, where that is, and whether it is there."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Tables:
-    """Paths and agents as the compiled loops take them.
+def drive(agents: list[Agent], signals: list[Signal], duration: float) -> np.recarray:
+    """Return the motion of all `agents` over `duration` seconds. Cost: steps x agents x neighbours.
 
-    Attributes
-    ----------
-    lines : (K,) array
-        `_LINES`.
-    starts : (P + 1,) int64
-        Where each path begins.
-    crew : (A,) array
-        `_CREW`.
+    Returns
+    -------
+    (T, A) records of `_STATE`
+        Every DT seconds.
     """
-
-    lines: npt.NDArray
-    starts: npt.NDArray[np.int64]
-    crew: npt.NDArray
+    return _drive_all(agents, signals, duration)[1].view(np.recarray)
 
 
-def drive(agents: list[Agent], signals: list[Signal], duration: float) -> Drive:
-    """Return the motion of all `agents` over `duration` seconds. Cost: steps x agents x neighbours."""
-    return _drive_of(_states(agents, signals, _tables(agents), duration))
-
-
-def _drive_of(states: npt.NDArray) -> Drive:
-    return Drive(*(np.ascontiguousarray(states[name]) for name in ("s", "v", "side", "present")))
-
-
-def _states(agents: list[Agent], signals: list[Signal], tables: _Tables, duration: float) -> npt.NDArray:
-    row = {id(agent.path): int(p) for agent, p in zip(agents, tables.crew["path"], strict=True)}
-    lights = np.array([(row[id(g.path)], g.at, g.period, g.green, g.shift) for g in signals if id(g.path) in row])
-    states = np.zeros((int(np.ceil(duration / DT)) + 2, len(agents)), _STATE)
-    _drive(tables.lines, tables.starts, tables.crew, lights.reshape(-1, 5).astype(np.float64), states)
-    return states
-
-
-def _tables(agents: list[Agent]) -> _Tables:
-    paths = list({id(agent.path): agent.path for agent in agents}.values())
-    row = {id(path): k for k, path in enumerate(paths)}
-    lines = np.empty(sum(len(path.xy) for path in paths), _LINES)
-    lines["x"], lines["y"] = np.concatenate([path.xy for path in paths]).T
-    lines["heading"] = np.concatenate([path.heading for path in paths])
-    lines["limit"] = np.concatenate([_bend_speed(path) for path in paths])
+def _drive_all(
+    agents: list[Agent], signals: list[Signal], duration: float
+) -> tuple[tuple[npt.NDArray, ...], npt.NDArray]:
+    """Return (_LINES, where each path begins in them, _CREW) and (T, A) _STATE."""
+    rows = {path: k for k, path in enumerate(dict.fromkeys(agent.path for agent in agents))}
+    lines = np.empty(sum(len(path.xy) for path in rows), _LINES)
+    lines["x"], lines["y"] = np.concatenate([path.xy for path in rows]).T
+    lines["heading"] = np.concatenate([path.heading for path in rows])
+    lines["limit"] = np.concatenate([_bend_speed(path) for path in rows])
     crew = np.empty(len(agents), _CREW)
     for name in set(_CREW.names or ()) - {"path", "initial"}:
         crew[name] = [getattr(a, name) for a in agents]
-    crew["path"] = [row[id(a.path)] for a in agents]
+    crew["path"] = [rows[a.path] for a in agents]
     crew["initial"] = [a.speed if a.initial is None else a.initial for a in agents]
-    return _Tables(lines, np.cumsum([0] + [len(path.xy) for path in paths]), crew)
+    lights = np.array([(rows[g.path], g.at, g.period, g.green, g.shift) for g in signals if g.path in rows])
+    tables = lines, np.cumsum([0] + [len(path.xy) for path in rows]), crew
+    states = np.zeros((int(np.ceil(duration / DT)) + 2, len(agents)), _STATE)
+    _drive(*tables, lights.reshape(-1, 5).astype(np.float64), states)
+    return tables, states
 
 
 def _bend_speed(path: Path) -> Array:
@@ -130,18 +91,17 @@ def _bend_speed(path: Path) -> Array:
     return limit
 
 
-def drive_unharmed(agents: list[Agent], signals: list[Signal], duration: float) -> tuple[list[Agent], Drive]:
+def drive_unharmed(agents: list[Agent], signals: list[Signal], duration: float) -> tuple[list[Agent], np.recarray]:
     """Return the agents that get through `duration` seconds without touching each other, and their motion.
 
     Of two that would touch, the later in the list was never there; the first agent always stays.
     """
     while True:
-        tables = _tables(agents)
-        states = _states(agents, signals, tables, duration)
+        tables, states = _drive_all(agents, signals, duration)
         harmed = np.zeros(len(agents), np.bool_)
-        _mark_touching(tables.lines, tables.starts, tables.crew, states[::CHECK_EVERY].copy(), harmed)
+        _mark_touching(*tables, states[::CHECK_EVERY].copy(), harmed)
         if not harmed.any():
-            return agents, _drive_of(states)
+            return agents, states.view(np.recarray)
         agents = [agent for agent, is_harmed in zip(agents, harmed, strict=True) if not is_harmed]
 
 

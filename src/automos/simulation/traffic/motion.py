@@ -1,7 +1,4 @@
-"""Where every body is at any time, sampled poses between which is interpolated; and how the one with the sensor shakes.
-
-Its body pitches, rolls and shakes, and beams hit parts of it.
-"""
+"""Where every body is at any time: poses between which is interpolated; and how the one with the sensor shakes."""
 
 from __future__ import annotations
 
@@ -12,11 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.geometry import Array
-from automos.simulation.shapes.materials import Material
-from automos.simulation.shapes.mesh import Mesh, box, join, rod
 from automos.simulation.terrain import Terrain
 from automos.simulation.traffic.agents import Agent
-from automos.simulation.traffic.driving import DT, Drive
+from automos.simulation.traffic.driving import DT
 from automos.simulation.traffic.paths import STEP
 
 WANDER_LENGTH = 47.0
@@ -38,6 +33,10 @@ class Motion:
     travelled: Array
     present: npt.NDArray[np.bool_]
 
+    def of(self, rows: npt.NDArray[np.int64]) -> Motion:
+        """Return the motion of some of the bodies."""
+        return Motion(self.state[:, rows], self.travelled[:, rows], self.present[:, rows])
+
     def at(self, time: float) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
         """Return ((M, 6) state, (M,) travelled, (M,) present) at `time` seconds, held beyond the ends."""
         k = min(max(time / DT, 0.0), len(self.state) - 1.001)
@@ -47,30 +46,21 @@ class Motion:
         return state, travelled, self.present[i] & self.present[i + 1]
 
 
-def rotations(state: Array) -> Array:
-    """Return (..., 3, 3) rotation matrices of states (..., 6)."""
-    yaw, pitch, roll = state[..., 3], state[..., 4], state[..., 5]
-    cy, sy, cp, sp, cr, sr = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch), np.cos(roll), np.sin(roll)
-    return np.stack(
-        [
-            np.stack([cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr], axis=-1),
-            np.stack([sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr], axis=-1),
-            np.stack([-sp, cp * sr, cp * cr], axis=-1),
-        ],
-        axis=-2,
-    )
-
-
 def transforms(state: Array) -> Array:
     """Return (..., 4, 4) transforms of states (..., 6), body to site."""
-    T = np.zeros((*state.shape[:-1], 4, 4))
-    T[..., :3, :3] = rotations(state)
-    T[..., :3, 3] = state[..., :3]
-    T[..., 3, 3] = 1.0
-    return T
+    x, y, z, yaw, pitch, roll = np.moveaxis(state, -1, 0)
+    cy, sy, cp, sp, cr, sr = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch), np.cos(roll), np.sin(roll)
+    zero = np.zeros_like(x)
+    rows = [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr, x],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr, y],
+        [-sp, cp * sr, cp * cr, z],
+        [zero, zero, zero, zero + 1.0],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def follow(agents: list[Agent], record: Drive, terrain: Terrain, rng: np.random.Generator) -> Motion:
+def follow(agents: list[Agent], record: np.recarray, terrain: Terrain, rng: np.random.Generator) -> Motion:
     """Return the poses of all parts of all `agents`, in order: both axles of a part lie on the path, on the ground."""
     states, travelled, present = [], [], []
     for a, agent in enumerate(agents):
@@ -80,9 +70,6 @@ def follow(agents: list[Agent], record: Drive, terrain: Terrain, rng: np.random.
             states.append(_part_states(agent, part.axles, s, record.side[:, a], terrain, phase))
             travelled.append(s)
             present.append(record.present[:, a])
-    if not states:
-        n = len(record.s)
-        return Motion(np.zeros((n, 0, 6)), np.zeros((n, 0)), np.zeros((n, 0), np.bool_))
     return Motion(np.stack(states, axis=1), np.stack(travelled, axis=1), np.stack(present, axis=1))
 
 
@@ -91,7 +78,7 @@ def _part_states(
 ) -> Array:
     rear_x, front_x = axles
     points, heights = [], []
-    for axle in (rear_x, front_x):
+    for axle in axles:
         along = np.clip(s + axle, 0.0, agent.path.length)
         offset = side + agent.wander * np.sin(2 * np.pi * along / WANDER_LENGTH + phase)
         xy, _ = agent.path.at(along, offset)
@@ -99,15 +86,12 @@ def _part_states(
         points.append(xy)
         heights.append(np.where(raised > 0.5, terrain.base(xy), terrain.height(xy)) + raised)
     (rear, front), (z_rear, z_front) = points, heights
-    yaw = np.unwrap(np.arctan2(front[:, 1] - rear[:, 1], front[:, 0] - rear[:, 0]))
-    pitch = -np.arctan2(z_front - z_rear, front_x - rear_x)
+    yaw = np.unwrap(np.arctan2(*(front - rear).T[::-1]))
+    level = np.zeros_like(yaw)
+    pitch = level if front_x - rear_x < 0.5 else -np.arctan2(z_front - z_rear, front_x - rear_x)  # people stay upright
     share = -rear_x / (front_x - rear_x)
-    x = rear[:, 0] - rear_x * np.cos(yaw)
-    y = rear[:, 1] - rear_x * np.sin(yaw)
-    z = z_rear + share * (z_front - z_rear)
-    if front_x - rear_x < 0.5:  # a person stays upright
-        pitch = np.zeros_like(pitch)
-    return np.column_stack([x, y, z, yaw, pitch, np.zeros_like(x)])
+    x, y = (rear - rear_x * np.column_stack([np.cos(yaw), np.sin(yaw)])).T
+    return np.column_stack([x, y, z_rear + share * (z_front - z_rear), yaw, pitch, level])
 
 
 PITCH_PER_ACCELERATION = 0.006
@@ -155,52 +139,24 @@ def ride(state: Array, speed: Array, rng: np.random.Generator, unevenness: float
 
     `unevenness` is 1 for a city street with patches and cobbles, less for smoother roads.
     """
-    acceleration = np.gradient(speed, DT)
-    lateral = speed * np.gradient(state[:, 3], DT)
-    out = _smooth(state)
-    out[:, 4] -= PITCH_PER_ACCELERATION * _settle(acceleration)
-    out[:, 5] += ROLL_PER_ACCELERATION * _settle(lateral)
+    out = _smooth(state, BODY_INERTIA)
+    out[:, 4] -= PITCH_PER_ACCELERATION * _smooth(np.gradient(speed, DT), SETTLING)
+    out[:, 5] += ROLL_PER_ACCELERATION * _smooth(speed * np.gradient(state[:, 3], DT), SETTLING)
     travelled = np.cumsum(speed) * DT
-    strength = unevenness * _settle(np.clip(speed / SHAKE_SPEED, 0.0, 1.0))
+    strength = unevenness * _smooth(np.clip(speed / SHAKE_SPEED, 0.0, 1.0), SETTLING)
     for column, amplitude in zip((2, 4, 5), SHAKE, strict=True):
         waves = np.exp(rng.uniform(np.log(BUMPS[0]), np.log(BUMPS[1]), 8))
         weights = np.sqrt(2.0) * waves / (waves + 4.0) / np.sqrt(len(waves))  # springs swallow the short ones
         phases = rng.uniform(0, 2 * np.pi, len(waves))
-        out[:, column] += (
-            amplitude * strength * (weights * np.sin(2 * np.pi * travelled[:, None] / waves + phases)).sum(axis=1)
-        )
+        bumps = weights * np.sin(2 * np.pi * travelled[:, None] / waves + phases)
+        out[:, column] += amplitude * strength * bumps.sum(axis=1)
     return EgoMotion(out)
 
 
-def _smooth(state: Array) -> Array:
-    """Return the states averaged over a quarter of a second: a body has no corners in its motion."""
-    return _gaussian(state, BODY_INERTIA)
-
-
-def _settle(values: Array) -> Array:
-    return _gaussian(values, SETTLING)
-
-
-def _gaussian(values: Array, seconds: float) -> Array:
+def _smooth(values: Array, seconds: float) -> Array:
     """Return `values` (T, ...) smoothed over time; beyond the ends they are taken to go on as they went."""
     from scipy.ndimage import gaussian_filter1d
 
     margin = min(int(5 * seconds / DT), len(values) - 1)
     padded = np.pad(values, [(margin, margin)] + [(0, 0)] * (values.ndim - 1), mode="reflect", reflect_type="odd")
     return gaussian_filter1d(padded, seconds / DT, axis=0)[margin : margin + len(values)]
-
-
-def ego_body(roof: float = 1.42) -> Mesh:
-    """Return what the sensor may see of its own vehicle, body frame with the sensor above the origin."""
-    roof_z, bonnet_z = roof - 0.03, 0.75
-    return join(
-        [
-            box((1.20, 1.00, 0.06), (-0.10, 0.0, roof_z), Material.PAINT, 0.8),
-            box((0.30, 0.50, 0.06), (0.63, 0.0, roof_z), Material.PAINT, 0.8),
-            box((0.25, 1.16, 0.06), (-0.775, 0.0, roof_z), Material.PAINT, 0.8),
-            box((0.65, 1.40, 0.05), (1.55, 0.0, bonnet_z), Material.PAINT, 0.8),
-            *(box((0.08, 0.06, 0.08), (0.55, y, roof + 0.03), Material.PLASTIC) for y in (-0.42, 0.42)),
-            *(rod((-0.85, y, roof), (-0.85, y, roof + 0.13), 0.04, Material.METAL) for y in (-0.42, 0.42)),
-            rod((-0.30, -0.62, roof), (-0.30, 0.62, roof), 0.03, Material.METAL),
-        ]
-    )

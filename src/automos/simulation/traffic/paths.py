@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,8 +11,17 @@ import numpy.typing as npt
 
 from automos.core.geometry import Array
 
+Range = tuple[float, float]
+"""From the first number to the second."""
 STEP = 0.5
 """Metres between the samples of a path."""
+
+
+def every(rng: np.random.Generator, spacing: Range, start: float, end: float) -> Iterator[float]:
+    """Yield numbers from `start` on to before `end`, at random `spacing`."""
+    while start < end:
+        yield start
+        start += rng.uniform(*spacing)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,14 +61,13 @@ class Path:
         k = s / STEP
         grid = np.arange(len(self.xy))
         heading = np.interp(k, grid, self.heading)
-        x = np.interp(k, grid, self.xy[:, 0]) - offset * np.sin(heading)
-        y = np.interp(k, grid, self.xy[:, 1]) + offset * np.cos(heading)
-        return np.stack([x, y], axis=-1), heading
+        x, y = (np.interp(k, grid, column) for column in self.xy.T)
+        return np.stack([x - offset * np.sin(heading), y + offset * np.cos(heading)], axis=-1), heading
 
-    def beside(self, offset: float) -> Path:
-        """Return the path `offset` metres to the left (negative: to the right)."""
-        normal = np.column_stack([-np.sin(self.heading), np.cos(self.heading)])
-        return resample(self.xy + offset * normal, self.z)
+    def beside(self, offset: float | Array) -> Path:
+        """Return the path `offset` metres to the left (negative: to the right), one for all or (K,) one per sample."""
+        shift = np.column_stack([-offset * np.sin(self.heading), offset * np.cos(self.heading)])
+        return resample(self.xy + shift, self.z)
 
     def reversed(self) -> Path:
         """Return the path driven the other way."""
@@ -68,14 +77,7 @@ class Path:
         """Return the path with a change of lane: `offset` metres to the left, from `start` on over `length` metres."""
         s = STEP * np.arange(len(self.xy))
         u = np.clip((s - start) / length, 0.0, 1.0)
-        shift = offset * u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
-        normal = np.column_stack([-np.sin(self.heading), np.cos(self.heading)])
-        return resample(self.xy + shift[:, None] * normal, self.z)
-
-    def part(self, start: float, end: float) -> Path:
-        """Return the piece between two arc lengths."""
-        i, j = int(max(start, 0.0) / STEP), int(min(end, self.length) / STEP) + 1
-        return Path(self.xy[i:j].copy(), self.z[i:j].copy())
+        return self.beside(offset * u**3 * (10.0 - 15.0 * u + 6.0 * u**2))
 
 
 def connect(a0: npt.ArrayLike, a1: npt.ArrayLike, b0: npt.ArrayLike, b1: npt.ArrayLike, radius: float) -> Path:
@@ -96,10 +98,11 @@ def connect(a0: npt.ArrayLike, a1: npt.ArrayLike, b0: npt.ArrayLike, b1: npt.Arr
 def resample(xy: npt.ArrayLike, z: npt.ArrayLike | None = None) -> Path:
     """Return the path through the dense polyline `xy` (N, 2), sampled anew every STEP metres."""
     xy = np.asarray(xy, np.float64)
-    z = np.zeros(len(xy)) if z is None else np.asarray(z, np.float64)
+    z = np.zeros(len(xy)) if z is None else z
     s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(xy, axis=0), axis=1))])
     grid = np.arange(0.0, s[-1] + 1e-9, STEP)
-    return Path(np.column_stack([np.interp(grid, s, xy[:, 0]), np.interp(grid, s, xy[:, 1])]), np.interp(grid, s, z))
+    *sampled, height = (np.interp(grid, s, column) for column in (*xy.T, z))
+    return Path(np.column_stack(sampled), height)
 
 
 def through(points: npt.ArrayLike, radius: float = 8.0) -> Path:
@@ -108,11 +111,9 @@ def through(points: npt.ArrayLike, radius: float = 8.0) -> Path:
     Straight pieces are kept exactly, so paths that share a straight piece run on top of each other there.
     """
     points = np.asarray(points, np.float64)
-    dense = [points[:1]]
-    for before, corner, after in zip(points[:-2], points[1:-1], points[2:], strict=True):
-        dense.append(_fillet(before, corner, after, radius))
-    dense.append(points[-1:])
-    return resample(np.concatenate(dense))
+    corners = zip(points[:-2], points[1:-1], points[2:], strict=True)
+    arcs = [_fillet(before, corner, after, radius) for before, corner, after in corners]
+    return resample(np.concatenate([points[:1], *arcs, points[-1:]]))
 
 
 def _fillet(before: Array, corner: Array, after: Array, radius: float) -> Array:
