@@ -20,7 +20,7 @@ from automos.readers.formats import import_extra
 from automos.readers.ouster import first_stamp, frame_to_scan, make_to_points
 from automos.readers.packets.decode import FACTORY, VelodyneDecoder, tells_calibration, to_scan
 from automos.readers.packets.layouts import VELODYNE, layout_of
-from automos.readers.packets.pcap import Datagrams, join
+from automos.readers.packets.pcap import Datagrams
 from automos.readers.packets.sweeps import SweepCutter
 
 
@@ -134,7 +134,7 @@ class VelodyneAssembler:
         parts, self._parts = self._parts, []
         if not parts or self._decoder is None or (self._sends_calibration and len(self._first) < CALIBRATION):
             return []
-        return [to_scan(self._decoder.columns(join(parts)), self._stamp, f"{next(self._number):06d}")]
+        return [to_scan(self._decoder.columns(Datagrams.concatenate(parts)), self._stamp, f"{next(self._number):06d}")]
 
     def _is_own(self, payload: bytes) -> bool:
         if layout_of(payload) is not VELODYNE:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import atexit
 import ctypes
-import errno
 import importlib
 import json
 import os
@@ -23,7 +22,7 @@ from typing import IO, Any
 import numpy as np
 
 from automos.core.errors import InputError
-from automos.core.reading import DAMAGE
+from automos.core.reading import damage_reported
 from automos.core.working_folder import OURS, SAFE_PATH
 from automos.readers.columns import Columns
 from automos.readers.foreign import SENTENCE
@@ -45,9 +44,9 @@ def read_apart(module: str, path: Path) -> Columns:
     """
     idle = _idle.setdefault(os.getpid(), [])  # a process that was forked from this one has none of its own
     with suppress(IndexError, _EndedError):  # that one may have been ended by others while it waited
-        return _read(idle.pop(), module, path)
+        return idle.pop().read(module, path)
     try:
-        return _read(_Reader(path), module, path)
+        return _Reader(path).read(module, path)
     except _EndedError as ended:
         if ended.code == 2:  # it took too long
             raise InputError(SENTENCE.format(path)) from None
@@ -55,18 +54,6 @@ def read_apart(module: str, path: Path) -> Columns:
             f"{path} ends the library that reads it ({ended}); it is damaged, or there is too little memory: "
             "copy it again"
         ) from None
-
-
-def _read(reader: _Reader, module: str, path: Path) -> Columns:
-    try:
-        answer = reader.read(module, path)
-    except BaseException:  # Ctrl-C, for example: half of an answer is still on its way
-        reader.end()
-        raise
-    _idle[os.getpid()].append(reader)
-    if isinstance(answer, str):
-        raise InputError(answer)
-    return answer
 
 
 class _EndedError(Exception):
@@ -109,8 +96,8 @@ class _Reader:
         if not greeted:
             raise InputError(_NOT_STARTED.format(path, f"it ended at once, with {_EndedError(self.end())}"))
 
-    def read(self, module: str, path: Path) -> Columns | str:
-        """Return the columns of one file, or what is wrong with it; _EndedError where the process dies of it."""
+    def read(self, module: str, path: Path) -> Columns:
+        """Return the columns of one file, and wait for the next; _EndedError where the process dies of it."""
         here = None
         with suppress(OSError):  # a working folder that is gone: absolute paths still lead somewhere
             here = os.getcwd()
@@ -121,18 +108,21 @@ class _Reader:
             if not head.endswith(b"\n"):
                 raise EOFError
             about = json.loads(head)
-            return about if isinstance(about, str) else {name: self._array(*of) for name, of in about.items()}
+            columns = {} if isinstance(about, str) else {name: self._array(*of) for name, of in about.items()}
         except (BrokenPipeError, EOFError):
             raise _EndedError(self.end()) from None
+        except BaseException:  # Ctrl-C, for example: half of an answer is still on its way
+            self.end()
+            raise
+        _idle[os.getpid()].append(self)
+        if isinstance(about, str):
+            raise InputError(about)
+        return columns
 
     def _array(self, kind: str, shape: list[int]) -> np.ndarray:
         array = np.empty(shape, np.dtype(kind))
-        rest = memoryview(array.reshape(-1).view(np.uint8).data)
-        while len(rest):
-            got = self._answers.readinto(rest)  # type: ignore[attr-defined]
-            if not got:
-                raise EOFError
-            rest = rest[got:]
+        if self._answers.readinto(array.reshape(-1).view(np.uint8)) < array.nbytes:  # type: ignore[attr-defined]
+            raise EOFError
         return array
 
     def end(self) -> int:
@@ -205,11 +195,8 @@ def _answer(module: str, path: str) -> tuple[Any, list[np.ndarray]]:
     """Return a description of a file (type and shape of each column, or what is wrong with it) and its columns."""
     read = importlib.import_module(f"automos.readers.{module}").read_here
     try:
-        columns = {name: np.ascontiguousarray(column) for name, column in read(Path(path)).items()}
-        return {name: (each.dtype.str, each.shape) for name, each in columns.items()}, list(columns.values())
+        with damage_reported(path):
+            columns = {name: np.ascontiguousarray(column) for name, column in read(Path(path)).items()}
     except InputError as error:
         return str(error), []
-    except OSError as error:
-        return f"{path} cannot be read: {error.strerror or errno.errorcode.get(error.errno or 0, error)}", []
-    except DAMAGE as error:
-        return f"{path} is damaged, or not what its name says ({error}); copy it again", []
+    return {name: (each.dtype.str, each.shape) for name, each in columns.items()}, list(columns.values())

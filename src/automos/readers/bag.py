@@ -15,17 +15,11 @@ import numpy.typing as npt
 from automos.core.errors import AutomosError, InputError
 from automos.core.reading import damage_reported, is_there, parse_yaml, read_text, require_regular
 from automos.readers.bag_chunks import ZSTD, unpack
-from automos.readers.bag_kinds import McapFile, Ros1File, SqliteFile
-from automos.readers.bag_messages import LARGEST, BagFile, Topic, is_of_points
+from automos.readers.bag_kinds import KINDS, BagFile
+from automos.readers.bag_messages import LARGEST, Topic, is_of_points
 from automos.readers.foreign import limited
 
 _SUFFIXES = (".bag", ".bag.active", ".mcap", ".db3")
-_KINDS: dict[bytes, type[BagFile]] = {
-    b"#ROSBAG V": Ros1File,
-    b"\x89MCAP0\r\n": McapFile,
-    b"SQLite format 3\0": SqliteFile,
-}
-"""What files of each kind begin with, whatever their names, and what reads them."""
 _PAUSE = 1.0
 """Seconds from the last cloud of a part to the first of the next: a recorder that was started anew takes longer."""
 
@@ -109,10 +103,10 @@ def _topics_and_times(file: Path) -> tuple:
     try:
         bag = Bag(file)
         topics = tuple(topic for topic in bag.topics if is_of_points(topic))
-        recorded = np.concatenate([np.zeros(0, np.int64), *(bag.index(topic)[:, 0] for topic in topics)])
+        recorded = bag.index(*topics)[:, 0]
     except (AutomosError, sqlite3.Error):
         return ()
-    return (topics, int(recorded.min()), int(recorded.max())) if len(recorded) else ()
+    return (topics, int(recorded[0]), int(recorded[-1])) if len(recorded) else ()
 
 
 def _open_file(path: Path) -> BagFile:
@@ -122,9 +116,9 @@ def _open_file(path: Path) -> BagFile:
             start = file.read(16)
         if not start:
             raise InputError(f"{path} is empty: nothing was recorded, or copied; record or copy it again")
-        kind = next((kind for magic, kind in _KINDS.items() if start.startswith(magic)), None)
+        kind = next((kind for magic, kind in KINDS.items() if start.startswith(magic)), None)
         if kind is None:
-            known = ", ".join(str(magic)[1:] for magic in _KINDS)
+            known = ", ".join(str(magic)[1:] for magic in KINDS)
             raise InputError(
                 f"{path} is not a bag: it begins with {str(start)[1:]}, bags with {known}; check what it is"
             )
@@ -144,20 +138,15 @@ class Bag:
         """The topics of any file, by name."""
         return sorted({topic for file in self.files for topic in file.topics.values()})
 
-    @property
-    def faults(self) -> list[str]:
-        """Where files were cut off, in sentences."""
-        return [file.fault for file in self.files if file.fault]
-
     def index(self, *topics: Topic) -> npt.NDArray[np.int64]:
         """Return (N, 4) of each message of some topics when it was recorded (ns), its file, its chunk and its place."""
-        rows = [np.zeros((0, 4), np.int64)]
-        for k, file in enumerate(self.files):
-            for number, topic in file.topics.items():
-                if topic in topics:
-                    found = file.places(number)
-                    rows.append(np.insert(found, 1, k, axis=1))
-        every = np.concatenate(rows)
+        rows = (
+            np.insert(file.places(number), 1, k, axis=1)
+            for k, file in enumerate(self.files)
+            for number, topic in file.topics.items()
+            if topic in topics
+        )
+        every = np.concatenate([np.zeros((0, 4), np.int64), *rows])
         _, first = np.unique(every[:, 1:], axis=0, return_index=True)  # an index may list a message twice
         every = every[np.sort(first)]
         return every[np.argsort(every[:, 0], kind="stable")]

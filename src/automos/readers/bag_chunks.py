@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
-from automos.readers.bag_messages import LARGEST, BagFile
+from automos.readers.bag_messages import LARGEST, Topic
 
 _AHEAD = 1 << 13
 """Bytes that are unpacked beyond what is asked for at first: a message's header is read in pieces."""
@@ -43,18 +43,27 @@ class Chunk(NamedTuple):
         return self.kind in _PLAIN
 
 
-class ChunkedFile(BagFile):
-    """A file of records, some of which are chunks of further ones; each kind says what its records look like."""
+class ChunkedFile:
+    """A file of records, some of which are chunks of further ones; each kind says what its records look like.
+
+    Attributes
+    ----------
+    topics : by the number that messages have of them.
+    fault : where the file was cut off, in a sentence; empty for a whole one.
+    """
 
     def __init__(self, path: Path):
-        """Begin with no messages; errors are those of `BagFile`."""
-        super().__init__(path)
+        """Begin with no messages; those that derive from it raise InputError for versions that are not read.
+
+        Damaged files raise what `automos.core.reading.damage_reported` knows.
+        """
+        self.path, self.topics, self.fault = path, dict[int, Topic](), ""
         self.size = path.stat().st_size
         self._places: defaultdict[int, bytearray] = defaultdict(bytearray)
         self._unpacked: tuple[int, bytes] = (IN_FILE, b"")
 
     def places(self, number: int) -> npt.NDArray[np.int64]:
-        """Return (N, 3) as `BagFile.places` does."""
+        """Return (N, 3) when each message of topic `number` was recorded (ns), its chunk, and where it begins there."""
         return np.frombuffer(bytes(self._places[number]), np.int64).reshape(-1, 3)
 
     def keep(self, numbers: set[int]) -> None:
@@ -110,8 +119,9 @@ class ChunkedFile(BagFile):
     def _say_cut(self) -> None:
         self.fault = f"{self.path} ends within a record (byte {self.size}): what is whole before it is read."
 
-    def _add(self, number: int, recorded: int, chunk: int, place: int) -> None:
-        self._places[number] += np.array([recorded, chunk, place], np.int64).tobytes()
+    def _add(self, number: int, rows: npt.ArrayLike) -> None:
+        """Take messages of topic `number`: (N, 3) or (3,) when each was recorded, its chunk and its place there."""
+        self._places[number] += np.asarray(rows, np.int64).tobytes()
 
     def _walk_chunk(self, file: BinaryIO, at: int) -> int:
         """Take the messages in the chunk at byte `at`, by its index where it has one; return where that ends."""
@@ -120,11 +130,9 @@ class ChunkedFile(BagFile):
         file.seek(after)
         while (listed := self._index(file)) is not None:
             number, recorded, places = listed
-            rows = np.empty((len(places), 3), np.int64)
-            rows[:, 0] = recorded
-            rows[:, 1], rows[:, 2] = (IN_FILE, chunk.start + places) if chunk.is_plain else (at, places)
-            if len(rows):
-                self._places[number] += rows.tobytes()
+            if len(places):
+                where = (IN_FILE, chunk.start + places) if chunk.is_plain else (at, places)
+                self._add(number, np.column_stack(np.broadcast_arrays(recorded, *where)))
                 self._first.setdefault(number, at)
             is_indexed, after = True, file.tell()
         if not is_indexed:
@@ -198,11 +206,8 @@ def unpack(packed: bytes, kind: str, n: int) -> bytes:
     if kind == "lz4":
         return bytes(importlib.import_module("lz4.frame").LZ4FrameDecompressor().decompress(packed, n))
     if kind == "zstd":
-        with (
-            importlib.import_module("zstandard")
-            .ZstdDecompressor()
-            .stream_reader(packed, read_across_frames=True) as reader
-        ):
+        zstd = importlib.import_module("zstandard").ZstdDecompressor()
+        with zstd.stream_reader(packed, read_across_frames=True) as reader:
             return bytes(reader.read(n))
     raise ValueError(f"compression {kind!r} is not known")
 

@@ -9,7 +9,6 @@ import sqlite3
 import struct
 from collections.abc import Callable
 from contextlib import closing
-from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO, TypeVar
 
@@ -18,8 +17,8 @@ import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.readers.bag_chunks import Chunk, ChunkedFile, exactly
-from automos.readers.bag_messages import LARGEST, BagFile, Topic, type_name
-from automos.readers.formats import import_extra
+from automos.readers.bag_messages import LARGEST, Topic, type_name
+from automos.readers.wire import Wire
 
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _INDEX = range(2, 8)
 _MAGIC, _RECORD, _MESSAGE_HEAD, _CHUNK_HEAD = 8, 9, 22, 32
@@ -30,7 +29,7 @@ class McapFile(ChunkedFile):
     """An .mcap."""
 
     def __init__(self, path: Path):
-        """Walk the file; errors are those of `BagFile`."""
+        """Walk the file; errors are those of `ChunkedFile`."""
         super().__init__(path)
         self._schemas: dict[int, tuple[str, str]] = {}
         self._channels: dict[int, tuple[int, str, str]] = {}
@@ -44,7 +43,6 @@ class McapFile(ChunkedFile):
             self.topics[number] = Topic(topic, type_name(kind), "cdr" if encoding.startswith("ros2") else encoding)
 
     def _walk(self, stream: BinaryIO, end: int, chunk: int, with_messages: bool) -> None:
-        records = import_extra("mcap.records", "ros")
         while (at := stream.tell()) < end:
             op, n = struct.unpack("<BQ", exactly(stream, _RECORD))
             after = stream.tell() + n
@@ -54,14 +52,14 @@ class McapFile(ChunkedFile):
             if (after > end and op != _CHUNK) or op == 0:
                 raise EOFError
             if op == _SCHEMA:
-                schema = records.Schema.read(_stream(stream, n))
-                self._schemas[schema.id] = schema.name, schema.encoding
+                number, name, encoding = _numbers_and_texts("H", exactly(stream, n))
+                self._schemas[number] = name, encoding
             elif op == _CHANNEL:
-                channel = records.Channel.read(_stream(stream, n))
-                self._channels[channel.id] = channel.schema_id, channel.topic, channel.message_encoding
+                number, schema, topic, encoding = _numbers_and_texts("HH", exactly(stream, n))
+                self._channels[number] = schema, topic, encoding
             elif op == _MESSAGE and with_messages:
                 number, _, recorded = struct.unpack("<HIQ", exactly(stream, 14))
-                self._add(number, recorded, chunk, at)
+                self._add(number, [recorded, chunk, at])
             elif op == _CHUNK and with_messages:
                 after = self._walk_chunk(stream, at)
             stream.seek(after)
@@ -87,9 +85,10 @@ class McapFile(ChunkedFile):
         return place + _RECORD + _MESSAGE_HEAD, max(n - _MESSAGE_HEAD, 0)
 
 
-def _stream(file: BinaryIO, n: int) -> Any:
-    """Return the content of a record, which comes next, as the library reads it."""
-    return import_extra("mcap.data_stream", "ros").ReadDataStream(BytesIO(exactly(file, n)))
+def _numbers_and_texts(kinds: str, raw: bytes) -> tuple[Any, ...]:
+    """Return the numbers, as `struct` calls their kinds, and the two texts that a record begins with."""
+    here = Wire(raw, False, struct.calcsize(f"<{kinds}"))
+    return *struct.unpack_from(f"<{kinds}", raw), here.text().decode(), here.text().decode()
 
 
 _VERSION = b"#ROSBAG V2.0\n"
@@ -105,7 +104,7 @@ class Ros1File(ChunkedFile):
     """
 
     def __init__(self, path: Path):
-        """Walk the file; errors are those of `BagFile`."""
+        """Walk the file; errors are those of `ChunkedFile`."""
         super().__init__(path)
         self.connections: dict[int, dict[bytes, bytes]] = {}
         with open(path, "rb") as file:
@@ -121,14 +120,13 @@ class Ros1File(ChunkedFile):
                 number, said = _u32(head[b"conn"]), _fields(exactly(stream, n))
                 self.connections[number] = said
                 self.topics[number] = Topic(head[b"topic"].decode(), type_name(said[b"type"].decode()), "ros1")
-            elif (
-                op == _ROS1_CHUNK and n
-            ):  # the size of one that its recorder did not finish is 0, and its records follow
+            elif op == _ROS1_CHUNK and n:  # one that its recorder did not finish has size 0, and its records follow
                 after = self._walk_chunk(stream, at)
             elif after > end or op is None:
                 raise EOFError
             elif op == _ROS1_MESSAGE and with_messages:
-                self._add(_u32(head[b"conn"]), _nanoseconds(*struct.unpack("<II", head[b"time"])), chunk, at)
+                seconds, nanoseconds = struct.unpack("<II", head[b"time"])
+                self._add(_u32(head[b"conn"]), [10**9 * seconds + nanoseconds, chunk, at])
             stream.seek(after)
 
     def _chunk(self, file: BinaryIO, at: int) -> Chunk:
@@ -145,7 +143,7 @@ class Ros1File(ChunkedFile):
             rows = np.frombuffer(exactly(file, n), "<u4").reshape(-1, 3).astype(np.int64)
         except (EOFError, struct.error):
             return None
-        return _u32(head[b"conn"]), _nanoseconds(rows[:, 0], rows[:, 1]), rows[:, 2]
+        return _u32(head[b"conn"]), 10**9 * rows[:, 0] + rows[:, 1], rows[:, 2]
 
     def _content(self, chunk: int, place: int) -> tuple[int, int]:
         at = place + 4 + _u32(self._bytes(chunk, place, 4))
@@ -154,10 +152,6 @@ class Ros1File(ChunkedFile):
 
 def _u32(raw: bytes) -> int:
     return int(struct.unpack("<I", raw)[0])
-
-
-def _nanoseconds(seconds: Any, nanoseconds: Any) -> Any:
-    return 10**9 * seconds + nanoseconds
 
 
 def _record(stream: BinaryIO) -> tuple[dict[bytes, bytes], int]:
@@ -179,12 +173,14 @@ def _fields(raw: bytes) -> dict[bytes, bytes]:
 T = TypeVar("T")
 
 
-class SqliteFile(BagFile):
-    """A .db3."""
+class SqliteFile:
+    """A .db3, whose messages lie in no chunk; its attributes are those of `ChunkedFile`."""
+
+    fault = ""
 
     def __init__(self, path: Path):
-        """List the topics; errors are those of `BagFile`."""
-        super().__init__(path)
+        """List the topics; damaged files raise what `automos.core.reading.damage_reported` knows."""
+        self.path, self.topics = path, dict[int, Topic]()
         for number, name, kind, encoding in self._rows("SELECT id, name, type, serialization_format FROM topics"):
             self.topics[number] = Topic(name, type_name(kind), encoding)
 
@@ -192,6 +188,9 @@ class SqliteFile(BagFile):
         """Return (N, 3) when each message of topic `number` was recorded (ns), 0, and its number in the file."""
         rows = self._rows("SELECT timestamp, 0, id FROM messages WHERE topic_id = ? ORDER BY timestamp, id", number)
         return np.array(rows, np.int64).reshape(-1, 3)
+
+    def keep(self, numbers: set[int]) -> None:
+        """Forget nothing: they are listed when asked for."""
 
     def read(self, chunk: int, place: int, most: int = LARGEST) -> bytes:
         """Return the first `most` bytes, or all, of the message of a number."""
@@ -223,3 +222,12 @@ def _used(uri: str, use: Callable[[sqlite3.Connection], T]) -> T:
     with closing(sqlite3.connect(uri, uri=True)) as connection:
         connection.execute("PRAGMA trusted_schema = OFF")
         return use(connection)
+
+
+BagFile = McapFile | Ros1File | SqliteFile
+KINDS: dict[bytes, type[BagFile]] = {
+    b"#ROSBAG V": Ros1File,
+    b"\x89MCAP0\r\n": McapFile,
+    b"SQLite format 3\0": SqliteFile,
+}
+"""What files of each kind begin with, whatever their names, and what reads them."""

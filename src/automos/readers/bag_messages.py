@@ -9,7 +9,6 @@ import re
 import struct
 import zlib
 from functools import cache
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,40 +32,6 @@ class Topic(NamedTuple):
     name: str
     kind: str
     encoding: str
-
-
-class BagFile:
-    """The topics and messages of one file; each kind of file derives from it.
-
-    Attributes
-    ----------
-    fault : where the file was cut off, in a sentence; empty for a whole one.
-    """
-
-    def __init__(self, path: Path):
-        """Begin with no topics.
-
-        Raises
-        ------
-        InputError
-            Of those that derive from it: the file is of a version that is not read; others where it is damaged.
-        """
-        self.path, self.topics, self.fault = path, dict[int, Topic](), ""
-
-    def places(self, number: int) -> npt.NDArray[np.int64]:
-        """Return (N, 3) when each message of topic `number` was recorded (ns), its chunk, and where it begins there."""
-        raise NotImplementedError
-
-    def keep(self, numbers: set[int]) -> None:
-        """Forget the messages of all other topics, of which there may be millions."""
-
-    def read(self, chunk: int, place: int, most: int = LARGEST) -> bytes:
-        """Return the first `most` bytes, or all, of the message at a place."""
-        raise NotImplementedError
-
-    def size_of(self, chunk: int, place: int) -> int:
-        """Return how many bytes the message at a place has."""
-        raise NotImplementedError
 
 
 def type_name(name: str) -> str:
@@ -170,7 +135,7 @@ def with_rows(raw: bytes | memoryview, kind: str, is_ros2: bool, kept: Mask) -> 
     InputError
         The message has not N points, or fewer bytes than its points need.
     """
-    cut = _livox_with_rows if kind in livox_message.TYPES else _cloud_with_rows
+    cut = livox_message.with_rows if kind in livox_message.TYPES else _cloud_with_rows
     try:
         return cut(bytes(raw), is_ros2, kept)
     except struct.error:
@@ -202,23 +167,3 @@ def _cloud_with_rows(raw: bytes, is_ros2: bool, kept: Mask) -> bytes:
     rows = b"" if points is None else points.reshape(-1, point_step)[kept].tobytes()
     head = raw[:start] + here.packed(1, int(kept.sum())) + raw[fields:steps]
     return head + here.packed(len(rows), len(rows)) + rows + raw[data + n_bytes :]
-
-
-def _livox_with_rows(raw: bytes, is_ros2: bool, kept: Mask) -> bytes:
-    here = Wire.behind_header(raw, is_ros2)
-    here.align(8)
-    here.at += 8  # the time that the points' own count from
-    counted = here.at
-    here.number()
-    here.at += 4  # the number of the sensor, reserved bytes
-    listed = here.at
-    count = here.number()
-    stride, length = livox_message.stride_of(is_ros2), livox_message.LENGTH
-    end = here.at + max(count - 1, 0) * stride + (length if count else 0)
-    if count != len(kept) or len(raw) < end:
-        raise InputError(f"a message of {count} points has {len(raw) - here.at} bytes of them, and {len(kept)} labels")
-    padded = raw[here.at : end] + bytes(stride - length if count else 0)
-    rows = np.frombuffer(padded, np.uint8).reshape(-1, stride)[kept].tobytes()
-    rows = rows[: len(rows) - (stride - length)] if rows else rows  # nothing fills up behind the last
-    n = here.packed(int(kept.sum()))
-    return raw[:counted] + n + raw[counted + 4 : listed] + n + rows + raw[end:]

@@ -5,7 +5,7 @@ The points are on the topic that is named, else on the only one of the best kind
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -100,9 +100,8 @@ def _no_clouds(bag: Bag) -> str:
 
 def _named(topics: list[Topic]) -> str:
     """Return topics with the types of their messages, and how these are packed where ROS does not do it so."""
-    of_ros = ("cdr", "ros1")
-    kinds = [", ".join(filter(None, [t.kind, "" if t.encoding in of_ros else t.encoding])) for t in topics]
-    return ", ".join(f"{topic.name} ({kind})" for topic, kind in zip(topics, kinds, strict=True))
+    told = [(topic.name, topic.kind, "" if topic.encoding in ("cdr", "ros1") else topic.encoding) for topic in topics]
+    return ", ".join(f"{name} ({', '.join(filter(None, about))})" for name, *about in told)
 
 
 _LIDAR = r"lidar|laser|velo|livox|ouster|os_|hesai|pandar|rslidar|scan"
@@ -110,14 +109,16 @@ _POSES = ("nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped", "geometry_ms
 _PATH = "nav_msgs/msg/Path"
 
 
+State = tuple[float, list[float], list[float]]
+"""When something was where: seconds, translation in metres, and quaternion, scalar last."""
+
+
 class Joint(NamedTuple):
-    """A frame's pose in its parent at a time, seconds: translation, metres, and quaternion, scalar last."""
+    """A frame's pose in its parent at a time; of poses that name no frame, the child is empty."""
 
     parent: str
     child: str
-    stamp: float
-    translation: list[float]
-    xyzw: list[float]
+    state: State
 
 
 def joints_of(bag: Bag, name: str) -> Iterator[Joint]:
@@ -125,11 +126,14 @@ def joints_of(bag: Bag, name: str) -> Iterator[Joint]:
     topics = [topic for topic in bag.topics if topic.name == name and topic.kind in TREES]
     for message in _messages(bag, topics):
         for joint in message.transforms:
-            t, q = joint.transform.translation, joint.transform.rotation
-            yield Joint(
-                joint.header.frame_id.strip("/"), joint.child_frame_id.strip("/"), _seconds(joint.header),
-                [t.x, t.y, t.z], [q.x, q.y, q.z, q.w],
-            )  # fmt: skip
+            yield _joint(joint, joint.transform.translation, joint.transform.rotation)
+
+
+def _joint(message: Any, position: Any, rotation: Any) -> Joint:
+    p, q, stamp = position, rotation, message.header.stamp
+    child = getattr(message, "child_frame_id", "")
+    state = float(stamp.sec + 1e-9 * stamp.nanosec), [p.x, p.y, p.z], [q.x, q.y, q.z, q.w]
+    return Joint(message.header.frame_id.strip("/"), child.strip("/"), state)
 
 
 def poses_in(bag: Bag, frame: str, stamps: npt.NDArray[np.float64]) -> tuple[list[Pose], list[str]]:
@@ -142,11 +146,11 @@ def poses_in(bag: Bag, frame: str, stamps: npt.NDArray[np.float64]) -> tuple[lis
     found: dict[str, Pose] = {frame: np.tile(np.eye(4), (len(stamps), 1, 1))}
     children: dict[str, list[str]] = {}
     for topic in bag.topics:
-        messages = [m for m in _poses_on(bag, topic) if _frame(m) == frame]
-        if messages:
-            with _noted(faults):
-                told.append(_at(stamps, list(map(_state, messages)), bag.path / topic.name.strip("/")))
-                child = getattr(messages[0], "child_frame_id", "").strip("/")
+        poses = [joint for joint in _poses_on(bag, topic) if joint.parent == frame]
+        if poses:
+            with noted(faults):
+                told.append(_at(stamps, [pose.state for pose in poses], bag.path / topic.name.strip("/")))
+                child = poses[0].child
                 if child and found.setdefault(child, told[-1]) is told[-1]:
                     children.setdefault(frame, []).append(child)
     moving, fixed = _by_child(joints_of(bag, "/tf")), _by_child(joints_of(bag, "/tf_static"))
@@ -156,9 +160,8 @@ def poses_in(bag: Bag, frame: str, stamps: npt.NDArray[np.float64]) -> tuple[lis
         for of, child in joints:
             if of != parent or child in found:
                 continue
-            states = [(joint.stamp, joint.translation, joint.xyzw) for joint in joints[of, child]]
-            with _noted(faults):
-                where = bag.path / "tf" / child
+            with noted(faults):
+                where, states = bag.path / "tf" / child, joints[of, child]
                 is_fixed = (of, child) in fixed
                 T = from_quaternions(*states[-1][1:], where) if is_fixed else _at(stamps, states, where)
                 found[child] = found[parent] @ T
@@ -173,29 +176,24 @@ def poses_in(bag: Bag, frame: str, stamps: npt.NDArray[np.float64]) -> tuple[lis
 
 
 @contextmanager
-def _noted(faults: list[str]) -> Iterator[None]:
+def noted(faults: list[str]) -> Iterator[None]:
+    """Put what an InputError of the block says to the `faults`: what it is about may not be needed."""
     try:
         yield
     except InputError as fault:
         faults.append(str(fault))
 
 
-def _by_child(joints: Iterator[Joint]) -> dict[tuple[str, str], list[Joint]]:
-    found: dict[tuple[str, str], list[Joint]] = {}
-    for joint in joints:
-        found.setdefault((joint.parent, joint.child), []).append(joint)
+def _by_child(joints: Iterator[Joint]) -> dict[tuple[str, str], list[State]]:
+    found: dict[tuple[str, str], list[State]] = {}
+    for parent, child, state in joints:
+        found.setdefault((parent, child), []).append(state)
     return found
 
 
-def _at(stamps: npt.NDArray[np.float64], states: list[tuple[float, list[float], list[float]]], where: Path) -> Pose:
+def _at(stamps: npt.NDArray[np.float64], states: list[State], where: Path) -> Pose:
     times, translations, xyzw = zip(*states, strict=True)
     return poses_at(stamps, np.array(times), from_quaternions(translations, xyzw, where), where)
-
-
-def _state(message: Any) -> tuple[float, list[float], list[float]]:
-    pose = getattr(message.pose, "pose", message.pose)
-    p, q = pose.position, pose.orientation
-    return _seconds(message.header), [p.x, p.y, p.z], [q.x, q.y, q.z, q.w]
 
 
 def _messages(bag: Bag, topics: list[Topic]) -> Iterator[Any]:
@@ -204,18 +202,11 @@ def _messages(bag: Bag, topics: list[Topic]) -> Iterator[Any]:
             yield decoded(bag.read(row), topic)
 
 
-def _poses_on(bag: Bag, topic: Topic) -> Iterator[Any]:
-    """Yield the messages of a topic that are poses, or those in its last path, which has those of all before it."""
-    if topic.kind in _POSES:
-        yield from _messages(bag, [topic])
-    elif topic.kind == _PATH:
-        for row in bag.index(topic)[-1:]:
-            yield from decoded(bag.read(row), topic).poses
-
-
-def _frame(message: Any) -> str:
-    return str(message.header.frame_id).strip("/")
-
-
-def _seconds(header: Any) -> float:
-    return float(header.stamp.sec + 1e-9 * header.stamp.nanosec)
+def _poses_on(bag: Bag, topic: Topic) -> Iterator[Joint]:
+    """Yield the poses on a topic, or those in its last path, which has those of all before it."""
+    messages: Iterable[Any] = _messages(bag, [topic]) if topic.kind in _POSES else ()
+    if topic.kind == _PATH:
+        messages = (pose for row in bag.index(topic)[-1:] for pose in decoded(bag.read(row), topic).poses)
+    for message in messages:
+        pose = getattr(message.pose, "pose", message.pose)
+        yield _joint(message, pose.position, pose.orientation)

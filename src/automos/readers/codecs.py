@@ -40,32 +40,27 @@ def parse_columns(text: str) -> np.dtype:
     InputError
         Not a list of columns, or without x, y and z.
     """
-    parts = [part.strip().partition(":") for part in LAYOUTS.get(text, text).split(",")]
-    names = [name.strip() for name, _, _ in parts]
+    parts = [part.partition(":") for part in LAYOUTS.get(text, text).split(",")]
+    names, types = [name.strip() for name, _, _ in parts], [kind.strip() for _, _, kind in parts]
     counted = [f"_{i}" if name == "_" else name for i, name in enumerate(names)]
-    types = {name: kind.strip() for name, _, kind in parts}
-    default = types.get("x") or "f4"
-    kinds = [kind.strip() or default for _, _, kind in parts]
+    default = dict(zip(names, types, strict=True)).get("x") or "f4"
+    kinds = [kind or default for kind in types]
     stray = next((kind for kind in kinds if not _TYPE.fullmatch(kind)), None)
     if stray is not None:
         raise InputError(f"--columns {text}: {stray!r} is no type of numbers; write f4, f8, u1, u2, u4, i4, or >f4")
     if not {"x", "y", "z"} <= set(names) or len(set(counted)) < len(counted) or "" in names or len(names) > MAX_COLUMNS:
         raise InputError(f"--columns {text}: name x, y and z, and each column once, as in x,y,z,intensity,ring,time")
-    return np.dtype(
-        [(name, kind if kind[0] in "<>" else f"<{kind}") for name, kind in zip(counted, kinds, strict=True)]
-    )
+    ordered = [kind if kind[0] in "<>" else f"<{kind}" for kind in kinds]
+    return np.dtype([*zip(counted, ordered, strict=True)])
 
 
 def spell_columns(dtype: np.dtype) -> str:
     """Return the text from which `parse_columns` makes `dtype`."""
     assert dtype.names is not None
-    kinds = [dtype[name].str.lstrip("<|") for name in dtype.names]
-    names = ["_" if name.startswith("_") else name for name in dtype.names]
-    default = kinds[dtype.names.index("x")]
-    types = [
-        "" if kind == default and (name != "x" or kind == "f4") else f":{kind}"
-        for name, kind in zip(names, kinds, strict=True)
-    ]
+    kinds = {name: dtype[name].str.lstrip("<|") for name in dtype.names}
+    defaults = dict.fromkeys(kinds, kinds["x"]) | {"x": "f4"}
+    types = ["" if kind == defaults[name] else f":{kind}" for name, kind in kinds.items()]
+    names = ["_" if name.startswith("_") else name for name in kinds]
     return ",".join(map("".join, zip(names, types, strict=True)))
 
 
@@ -81,24 +76,9 @@ CODECS: dict[str, str] = {
 }
 """Kinds of point files, name and description."""
 
-CODEC_OF_SUFFIX = {
-    ".bin": "bin",
-    ".pcd": "pcd",
-    ".ply": "ply",
-    ".npy": "npy",
-    ".npz": "npy",
-    ".las": "las",
-    ".laz": "las",
-    ".xyz": "xyz",
-    ".txt": "xyz",
-    ".csv": "xyz",
-    ".tsv": "xyz",
-    ".asc": "xyz",
-    ".pts": "xyz",
-    ".e57": "e57",
-    ".zip": "zipped",
-}
-
+_SUFFIXES = {"npy": ".npy .npz", "las": ".las .laz", "xyz": ".xyz .txt .csv .tsv .asc .pts", "zipped": ".zip"}
+"""Those of kinds that have several, or another than their name."""
+CODEC_OF_SUFFIX = {suffix: codec for codec in CODECS for suffix in _SUFFIXES.get(codec, f".{codec}").split()}
 
 _UNNAMED = ("npy", "xyz")
 """Kinds whose files may have columns without names; those of `LAYOUTS` never have any."""

@@ -35,17 +35,11 @@ def head(raw: bytes, encoding: str) -> tuple[float, str]:
             return seconds_of(time.removesuffix("Z")), frame
         return time.get("sec", 0) + 1e-9 * time.get("nsec", time.get("nanosec", 0)), frame
     if encoding != "protobuf":
-        here = Wire(raw, encoding == "cdr", 4 if encoding == "cdr" else 0)
+        here = _behind_start(raw, encoding)
         return here.seconds(), here.text().rstrip(b"\0").decode()
-    stamp, frame = 0.0, ""
-    with suppress(ValueError, IndexError):  # where its beginning ends
-        for number, value in _fields(raw):
-            if number == _TIME:
-                time = dict(_fields(value))
-                stamp = time.get(1, 0) + 1e-9 * time.get(2, 0)
-            elif number == _FRAME:
-                frame = bytes(value).decode()
-    return stamp, frame
+    message = _whole_fields(raw)
+    time = _whole_fields(message.get(_TIME, b""))
+    return time.get(1, 0) + 1e-9 * time.get(2, 0), bytes(message.get(_FRAME, b"")).decode(errors="replace")
 
 
 def read_columns(raw: bytes, encoding: str, where: str) -> Columns:
@@ -57,7 +51,7 @@ def read_columns(raw: bytes, encoding: str, where: str) -> Columns:
     elif encoding == "protobuf":
         step, data, fields = _from_wire(raw)
     else:
-        step, data, fields = _from_ros(raw, encoding == "cdr")
+        step, data, fields = _from_ros(raw, encoding)
     cloud = SimpleNamespace(
         height=1,
         width=len(data) // step if step else 0,
@@ -76,16 +70,18 @@ def _datatype(kind: int | str) -> int:
 
 
 def _from_wire(raw: bytes) -> tuple[int, bytes, list[tuple[str, int, int]]]:
-    step, data, fields = 0, b"", []
-    for number, value in _fields(raw):
-        if number == _STEP:
-            step = value
-        elif number == _DATA:
-            data = bytes(value)
-        elif number == _FIELD:
-            field = dict(_fields(value))
-            fields.append((bytes(field.get(1, b"")).decode(), field.get(2, 0), field.get(3, 0)))
-    return step, data, fields
+    every = list(_fields(raw))
+    message, fields = dict(every), [dict(_fields(value)) for number, value in every if number == _FIELD]
+    told = [(bytes(field.get(1, b"")).decode(), field.get(2, 0), field.get(3, 0)) for field in fields]
+    return message.get(_STEP, 0), bytes(message.get(_DATA, b"")), told
+
+
+def _whole_fields(raw: Any) -> dict[int, Any]:
+    """Return the fields that are whole in a message of Protocol Buffers, or in its beginning."""
+    found: dict[int, Any] = {}
+    with suppress(ValueError, IndexError):
+        found.update(_fields(raw))
+    return found
 
 
 def _fields(raw: Any) -> Iterator[tuple[int, Any]]:
@@ -118,14 +114,19 @@ def _varint(raw: memoryview, at: int) -> tuple[int, int]:
     raise ValueError("a number without end")
 
 
-def _from_ros(raw: bytes, is_ros2: bool) -> tuple[int, bytes, list[tuple[str, int, int]]]:
+def _from_ros(raw: bytes, encoding: str) -> tuple[int, bytes, list[tuple[str, int, int]]]:
     """Take apart ROS's message."""
-    here = Wire(raw, is_ros2, 4 if is_ros2 else 0)
+    here = _behind_start(raw, encoding)
     here.seconds()
     here.text()  # the frame
     here.align(8)
     here.take(7 * 8)  # where the sensor is in it
-    step, fields = here.number(), []
-    for _ in range(here.number()):
-        fields.append((here.text().rstrip(b"\0").decode(), here.number(), here.take(1)[0]))
+    step, n_fields = here.number(), here.number()
+    fields = [(here.text().rstrip(b"\0").decode(), here.number(), here.take(1)[0]) for _ in range(n_fields)]
     return step, here.text(), fields
+
+
+def _behind_start(raw: bytes, encoding: str) -> Wire:
+    """Return the place where a message of ROS begins that has no header: of ROS 2 behind what says its encoding."""
+    is_ros2 = encoding == "cdr"
+    return Wire(raw, is_ros2, 4 if is_ros2 else 0)

@@ -7,6 +7,7 @@ the wire: decoding a hundred thousand points as messages of their own takes seco
 import struct
 
 import numpy as np
+import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.readers.columns import Columns
@@ -14,9 +15,11 @@ from automos.readers.wire import Wire
 
 TYPES = tuple(f"{package}/msg/CustomMsg" for package in ("livox_ros_driver", "livox_ros_driver2", "livox_interfaces"))
 
-_POINT = (("offset_time", "u4"), ("x", "f4"), ("y", "f4"), ("z", "f4"), ("reflectivity", "u1"), ("tag", "u1"))
-LENGTH = 19
-"""Bytes of a point: the fields above and its line. CDR, of ROS 2, starts each at a multiple of four."""
+_POINT = np.dtype([
+    ("offset_time", "u4"), ("x", "f4"), ("y", "f4"), ("z", "f4"), ("reflectivity", "u1"), ("tag", "u1"), ("line", "u1"),
+])  # fmt: skip
+LENGTH = _POINT.itemsize
+"""Bytes of a point. CDR, of ROS 2, starts each at a multiple of four."""
 
 
 def read_columns(raw: bytes | memoryview, is_ros2: bool, where: str) -> Columns:
@@ -28,26 +31,40 @@ def read_columns(raw: bytes | memoryview, is_ros2: bool, where: str) -> Columns:
         Fewer bytes than its points need.
     """
     try:
-        here = Wire.behind_header(bytes(raw), is_ros2)
-        here.align(8)
-        here.take(16)  # the time that offsets count from, sizes, the sensor's number and reserved bytes
-        count, at = here.number(), here.at
+        here, count, end = _points(raw, is_ros2)
     except struct.error:
-        count, at = 1, len(raw)
-    stride = stride_of(is_ros2)
-    start, needed = at, max(count - 1, 0) * stride + (LENGTH if count else 0)
-    if len(raw) < start + needed:
+        count, end = 1, len(raw) + 1
+    if len(raw) < end:
         raise InputError(f"{where} is cut short: {len(raw)} bytes for {count} points; record or export it again")
-    names, kinds = zip(*_POINT, ("line", "u1"), strict=True)
-    offsets = [0, 4, 8, 12, 16, 17, 18]
-    layout = np.dtype(
-        {"names": names, "formats": [here.order + kind for kind in kinds], "offsets": offsets, "itemsize": stride}
-    )
-    padded = bytes(raw[start : start + needed]) + bytes(stride - LENGTH if count else 0)
-    rows = np.frombuffer(padded, layout, count)
-    return {name: rows[name] for name in names if name != "tag"}
+    rows = np.ndarray(count, _POINT.newbyteorder(here.order), raw, here.at, (_stride(is_ros2),))
+    return {name: rows[name] for name in _POINT.names or () if name != "tag"}
 
 
-def stride_of(is_ros2: bool) -> int:
+def with_rows(raw: bytes, is_ros2: bool, kept: npt.NDArray[np.bool_]) -> bytes:
+    """Return message `raw` with those of its N points that are `kept` (N,); errors are those of `read_columns`.
+
+    A message that is cut within its header raises struct.error.
+    """
+    here, count, end = _points(raw, is_ros2)
+    if count != len(kept) or len(raw) < end:
+        raise InputError(f"a message of {count} points has {len(raw) - here.at} bytes of them, and {len(kept)} labels")
+    stride, gap = _stride(is_ros2), _stride(is_ros2) - LENGTH
+    padded = raw[here.at : end] + bytes(gap if count else 0)
+    rows = np.frombuffer(padded, np.uint8).reshape(-1, stride)[kept].tobytes()
+    n = here.packed(int(kept.sum()))  # told twice, before four other bytes and right before the points
+    head = raw[: here.at - 12] + n + raw[here.at - 8 : here.at - 4] + n
+    return head + rows[: max(len(rows) - gap, 0)] + raw[end:]  # nothing fills up behind the last
+
+
+def _points(raw: bytes | memoryview, is_ros2: bool) -> tuple[Wire, int, int]:
+    """Return the place where a message's points begin, how many it counts, and the byte at which they end."""
+    here = Wire.behind_header(bytes(raw), is_ros2)
+    here.align(8)
+    here.take(16)  # the time that offsets count from, sizes, the sensor's number and reserved bytes
+    count = here.number()
+    return here, count, here.at + (max(count - 1, 0) * _stride(is_ros2) + LENGTH if count else 0)
+
+
+def _stride(is_ros2: bool) -> int:
     """Return the bytes from a point to the next."""
     return 20 if is_ros2 else LENGTH

@@ -45,17 +45,12 @@ def _decompress(packed, out):  # type: ignore[no-untyped-def]
             i += length
             o += length
             continue
-        length = control >> 5
-        if length == 7:
-            if i >= n_in:
-                return -1
-            length += np.int64(packed[i])
-            i += 1
-        length += 2
-        if i >= n_in:
+        behind = 2 if control >= 224 else 1
+        if i + behind > n_in:
             return -1
-        source = o - ((control & 31) << 8) - np.int64(packed[i]) - 1
-        i += 1
+        length = (control >> 5) + 2 + (np.int64(packed[i]) if behind == 2 else 0)
+        i += behind
+        source = o - ((control & 31) << 8) - np.int64(packed[i - 1]) - 1
         if source < 0 or o + length > n_out:
             return -1
         for k in range(length):  # byte by byte: the copy may overlap what it writes

@@ -6,6 +6,8 @@ number, as if the file were a folder: `drive.pcap/122150000150`.
 """
 
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -93,17 +95,25 @@ class OusterSequence(SensorSequence):
             library = self._library()
             for file in (self.source, *self._metadata):
                 require_regular(file)
-            try:
+            with self._damage_reported():
                 if self._is_osf:
                     self._threads.reader = library.OsfScanSource(str(self.source), index=True)
                 else:
                     metadata = [str(file) for file in self._metadata]
                     self._threads.reader = library.PcapScanSource(str(self.source), meta=metadata, index=True)
-            except Exception as error:  # damaged files break the library in many ways
-                raise InputError(
-                    f"{self.source} cannot be read as a recording of an Ouster ({error}); copy it again"
-                ) from error
         return self._threads.reader
+
+    @contextmanager
+    def _damage_reported(self) -> Iterator[None]:
+        """Tell what the library raises in one sentence: damaged files break it in many ways."""
+        try:
+            yield
+        except AutomosError:
+            raise
+        except Exception as error:
+            raise InputError(
+                f"{self.source} cannot be read as a recording of an Ouster ({error}); copy it again"
+            ) from error
 
     def _library(self) -> Any:
         try:
@@ -123,18 +133,12 @@ class OusterSequence(SensorSequence):
     def _index(self) -> tuple[list[tuple[int, int]], list[float]]:
         """Return where each frame of the sensor is (item, place in it) and its stamp in seconds."""
         places, stamps = [], []
-        try:
+        with self._damage_reported():
             for item, frames in enumerate(self._reader):
                 for within, frame in enumerate(frame for frame in frames if frame is not None):
                     if str(frame.sensor_info.sn) == self._identity:
                         places.append((item, within))
                         stamps.append(first_stamp(frame))
-        except AutomosError:
-            raise
-        except Exception as error:
-            raise InputError(
-                f"{self.source} cannot be read as a recording of an Ouster ({error}); copy it again"
-            ) from error
         return places, stamps
 
 

@@ -9,7 +9,7 @@ import zlib
 from collections.abc import Mapping
 from contextlib import suppress
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -26,18 +26,13 @@ EMPTY = -1
 
 def header_stamp(raw: bytes, is_ros2: bool) -> float:
     """Return the seconds in a message's header, without decoding what follows."""
-    order = _order(raw, is_ros2)
-    return int.from_bytes(raw[4:8], order) + 1e-9 * int.from_bytes(raw[8:12], order)
+    return Wire(raw.ljust(12, b"\0"), is_ros2).seconds()
 
 
 def header_frame(raw: bytes, is_ros2: bool) -> str:
     """Return the name of the frame in a message's header."""
-    name = raw[16 : 16 + int.from_bytes(raw[12:16], _order(raw, is_ros2))]
+    name = Wire(raw.ljust(16, b"\0"), is_ros2, 12).text()
     return name.rstrip(b"\0").decode("utf-8", "replace").strip("/")
-
-
-def _order(raw: bytes, is_ros2: bool) -> Literal["big", "little"]:
-    return "big" if is_ros2 and raw[1] == 0 else "little"
 
 
 def points_counted(raw: bytes, is_ros2: bool) -> int:

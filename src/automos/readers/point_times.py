@@ -13,14 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.readers.column_names import has_time
-from automos.readers.columns import (
-    MAX_SWEEP,
-    Columns,
-    find_time_unit,
-    is_measured,
-    ring_column,
-    time_column,
-)
+from automos.readers.columns import MAX_SWEEP, Columns, find_time_unit, is_measured, ring_column, time_column
 from automos.readers.time_order import with_all_times
 
 _LONGEST, _SHORTEST = 1.7, 0.01

@@ -6,7 +6,6 @@ that it sits. The first gives the scans, their times and their frame; of the oth
 taken, if one is nearer than half the time between scans.
 """
 
-from collections import deque
 from pathlib import Path
 from typing import Any
 
@@ -16,16 +15,19 @@ import numpy.typing as npt
 from automos.core.errors import InputError
 from automos.core.geometry import inverse, transform
 from automos.core.scan import Mask, Pose, Scan, Sequence
-from automos.readers.bag import drives_of, is_bag, name_of, split_address
+from automos.readers.bag import Bag, drives_of, is_bag, name_of, reported, split_address
+from automos.readers.bag_topics import joints_of, noted
 from automos.readers.formats import Format
 from automos.readers.rosbag_topic import RosbagSequence
 from automos.readers.stamped_poses import from_quaternions
 
 
 class MergedBagSequence(Sequence):
-    """The point clouds of several topics, one scan for each message of the first."""
+    """The point clouds of several topics, one scan for each message of the first, whose stamps are the scans'."""
 
     source: Path
+    address: Path | None = None
+    stamps: npt.NDArray[np.float64] | None = None
 
     def __init__(self, bag: Path, topics: list[str]):
         """Find the messages of `topics`, named below `bag`, and where their LiDARs sit.
@@ -35,45 +37,34 @@ class MergedBagSequence(Sequence):
         InputError
             Those of a single topic; clouds without times; a LiDAR that /tf_static does not join to the first.
         """
-        self.source, self._address = bag, bag / "+".join(topics)
+        self.source, self.address = bag, bag / "+".join(topics)
         plain = [topic.strip("/") for topic in topics]
         twice = next((topic for topic in plain if plain.count(topic) > 1), None)
         if twice is not None:
-            raise InputError(f"{self._address} names the topic /{twice} twice; name each topic once")
+            raise InputError(f"{self.address} names the topic /{twice} twice; name each topic once")
         self._parts = [RosbagSequence(bag / topic) for topic in topics]
+        self.stamps = self._parts[0].stamps
         self.name = f"{name_of(bag)}_{'+'.join(topics).replace('/', '_')}"
         self._mounts = _find_mounts(self._parts, topics)
         self._rows = np.stack([self._rows_of(part) for part in self._parts])
-
-    @property
-    def address(self) -> Path:
-        """The bag and its topics."""
-        return self._address
 
     def __len__(self) -> int:
         return len(self._parts[0])
 
     def __getitem__(self, index: int) -> Scan:
-        index = self._scan_number(index)
-        rows = enumerate(self._rows[:, index].tolist())
-        found = [(k, self._parts[k][row]) for k, row in rows if row >= 0]
-        first = found[0][1]
-        points = [transform(self._mounts[k], scan.points) for k, scan in found]
+        rows = self._rows[:, self._scan_number(index)]
+        sensors = np.flatnonzero(rows >= 0).tolist()
+        scans = [self._parts[k][rows[k]] for k in sensors]
         return Scan(
-            np.concatenate(points),
-            intensity=_joined([scan.intensity for _, scan in found]),
-            time=_times([scan for _, scan in found]),
-            ring=_joined([scan.ring for _, scan in found]),
-            stamp=first.stamp,
-            name=first.name,
-            sensor=np.concatenate([np.full(len(scan), k, np.uint8) for k, scan in found]),
+            np.concatenate([transform(self._mounts[k], scan.points) for k, scan in zip(sensors, scans, strict=True)]),
+            intensity=_joined([scan.intensity for scan in scans]),
+            time=_times(scans),
+            ring=_joined([scan.ring for scan in scans]),
+            stamp=scans[0].stamp,
+            name=scans[0].name,
+            sensor=np.repeat(np.array(sensors, np.uint8), list(map(len, scans))),
             T_scan_sensor=self._mounts,
         )
-
-    @property
-    def stamps(self) -> npt.NDArray[np.float64] | None:
-        """(len,) seconds, of the first topic."""
-        return self._parts[0].stamps
 
     @property
     def warnings(self) -> list[str]:
@@ -85,8 +76,8 @@ class MergedBagSequence(Sequence):
         """(len,) bool: scans to which every topic gives the points of the one before."""
         repeats = np.ones(len(self), bool)
         for part, rows in zip(self._parts, self._rows, strict=True):
-            is_next = np.diff(rows, prepend=rows[:1]) == 1
-            repeats &= (np.diff(rows, prepend=rows[:1]) == 0) | (is_next & part.repeats[rows])
+            step = np.diff(rows, prepend=rows[:1])
+            repeats &= (step == 0) | ((step == 1) & part.repeats[rows])
         repeats[:1] = False
         return repeats
 
@@ -98,7 +89,7 @@ class MergedBagSequence(Sequence):
         """Return (len,) which message of a topic goes with each scan, -1 where none is near enough."""
         mine, its = self.stamps, part.stamps
         if mine is None or its is None:
-            raise InputError(f"{self._address}: clouds without times cannot be merged; give one topic")
+            raise InputError(f"{self.address}: clouds without times cannot be merged; give one topic")
         after = np.searchsorted(its, mine).clip(0, len(its) - 1)
         before = (after - 1).clip(0)
         nearest = np.where(np.abs(its[before] - mine) < np.abs(its[after] - mine), before, after)
@@ -123,20 +114,16 @@ def _find_mounts(parts: list[RosbagSequence], topics: list[str]) -> Pose:
     """Return (K, 4, 4) T_scan_sensor of the topics' frames in that of the first."""
     frames, where = [part.frame_id for part in parts], parts[0].source
     joints: dict[str, list[tuple[str, Pose]]] = {}
-    faults = []  # of transforms that may be needed by no LiDAR here
-    latest = {joint.child: joint for joint in parts[0].mounts()}  # sent again, it takes the place of the first
-    for parent, child, _, translation, xyzw in latest.values():
-        try:
+    faults: list[str] = []
+    with reported(where):  # sent again, a transform takes the place of the first
+        latest = {joint.child: joint for joint in joints_of(Bag(where), "/tf_static")}
+    for parent, child, (_, translation, xyzw) in latest.values():
+        with noted(faults):
             T = from_quaternions(translation, xyzw, where / "tf_static" / child)[0]
-        except InputError as fault:
-            faults.append(f" ({fault})")
-            continue
-        joints.setdefault(parent, []).append((child, T))
-        joints.setdefault(child, []).append((parent, inverse(T)))
-    T_first = {frames[0]: np.eye(4)}
-    todo = deque([frames[0]])
-    while todo:
-        at = todo.popleft()
+            joints.setdefault(parent, []).append((child, T))
+            joints.setdefault(child, []).append((parent, inverse(T)))
+    T_first, todo = {frames[0]: np.eye(4)}, [frames[0]]
+    for at in todo:
         for to, T in joints.get(at, []):
             if to not in T_first:
                 T_first[to] = T_first[at] @ T
@@ -145,7 +132,7 @@ def _find_mounts(parts: list[RosbagSequence], topics: list[str]) -> Pose:
         if frame not in T_first:
             raise InputError(
                 f"{where}: /tf_static does not say where {frame} (topic /{topic}) sits from {frames[0]} "
-                f"(/{topics[0]}); record it, too, or give one topic{''.join(faults)}"
+                f"(/{topics[0]}); record it, too, or give one topic{''.join(f' ({fault})' for fault in faults)}"
             )
     return np.stack([T_first[frame] for frame in frames])
 

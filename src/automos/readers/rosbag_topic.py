@@ -12,8 +12,8 @@ from automos.core.geometry import inverse, transform
 from automos.core.pose_files import read_poses
 from automos.core.scan import Mask, Pose, Scan, Sequence
 from automos.readers.bag import Bag, name_of, reported, split_address
-from automos.readers.bag_topics import Joint, choose_topic, is_named_world, joints_of, odometry_frames, poses_in
-from automos.readers.columns import Columns, coordinates, time_column, to_scan
+from automos.readers.bag_topics import choose_topic, is_named_world, odometry_frames, poses_in
+from automos.readers.columns import Columns, coordinates, to_scan
 from automos.readers.formats import digest_of_files
 from automos.readers.point_cloud2 import EMPTY
 from automos.readers.point_times import judge_times
@@ -32,10 +32,17 @@ class RosbagSequence(Sequence):
 
     Attributes
     ----------
+    address : the bag, or the topic that was asked for below it.
     topic, bag : where they are.
+    stamps : (len,) seconds, of the messages' headers; of their recording where the headers have none.
+    rows : (len, 4) of each scan the row of the bag's index that its message has, or the first of its messages.
+    is_joined : whether scans are joined of several messages.
     """
 
     source: Path
+    address: Path | None = None
+    stamps: npt.NDArray[np.float64] | None = None
+    _T_frame_sensor: Pose | None = None
 
     def __init__(self, path: Path):
         """Find the messages of the bag at `path`, or of the topic that `path` names below the bag.
@@ -46,17 +53,12 @@ class RosbagSequence(Sequence):
             A bag that is damaged or compressed as a whole, no or several topics of point clouds, or clouds in the frame
             of a map without poses.
         """
-        self._address = path
+        self.address = path
         self.source, wanted = split_address(path)
         with reported(self.source):
             self.bag = Bag(self.source)
             self.topic, said = choose_topic(self.bag, wanted)
             self._messages = TopicMessages(self.bag, self.topic, self._where())
-            if len(self._messages) == 0:
-                raise InputError(
-                    f"{self.source} has no messages on topic {self.topic.name}; record it again or give another topic"
-                )
-            n_messages = self._messages.group()
             heads = self._messages.heads()
             self.frame_id = heads[0][1]
             frames = sorted({frame.strip("/") for _, frame in heads} - {""})
@@ -67,20 +69,20 @@ class RosbagSequence(Sequence):
                 )
             self.name = name_of(self.source) + ("" if wanted is None else "_" + wanted.replace("/", "_"))
             stamps, of_order = self._put_in_order(np.array([stamp for stamp, _ in heads]))
-            self._stamps, of_parts = self._messages.join(stamps)
-            self._warnings = [*self.bag.faults, *said, *of_order, *of_parts]
-            self._T_frame_sensor: Pose | None = None
+            self.stamps, of_parts = self._messages.join(stamps)
+            self.rows, self.is_joined = self._messages.rows, self._messages.is_joined
+            faults = [file.fault for file in self.bag.files if file.fault]
+            self._warnings = [*faults, *said, *of_order, *of_parts]
             self._T_frame_sensor = self._find_sensor()
-            counted = self.bag.counted(self.topic)
+            counted, n_messages = self.bag.counted(self.topic), self._messages.n_messages
             if counted > n_messages:
                 lost = f"{self._where()} holds {n_messages} of the {counted} messages that its bag counts"
                 self._warnings.append(f"{lost}; it was cut or damaged")
             self.bag.keep(self.topic)
-        gap = float(np.median(np.diff(self._stamps))) if self._stamps is not None and len(self) > 2 else None
         # of all scans alike: one of few points may not show it
         fullest = int(np.argmax(self._messages.sizes))
         columns = self._columns(fullest)
-        self._point_times = judge_times([columns], self._where(), gap)
+        self._point_times = judge_times([columns], self._where(), usual_step(self.stamps))
         self._unit = 1.0
         with suppress(InputError):  # reported when the scan itself is read
             self._unit, said = unit_of(coordinates(columns, self._where()))
@@ -91,35 +93,14 @@ class RosbagSequence(Sequence):
                 f"{self._where()}: headers count {n_counted} of {n} points in the data; all are read."
             )
 
-    @property
-    def address(self) -> Path:
-        """The bag, or the topic that was asked for below it."""
-        return self._address
-
     def __len__(self) -> int:
         return len(self._messages)
 
     def __getitem__(self, index: int) -> Scan:
         index = self._scan_number(index)
-        columns = self._columns(index)
-        unit = (self._point_times.unit or 0.0) if time_column(columns) is not None else None
-        stamp = None if self._stamps is None else float(self._stamps[index])
-        return to_scan(columns, self._where(index), self.names[index], stamp, unit, self._unit)
-
-    @property
-    def stamps(self) -> npt.NDArray[np.float64] | None:
-        """(len,) seconds, of the messages' headers; of their recording where the headers have none."""
-        return self._stamps
-
-    @property
-    def rows(self) -> npt.NDArray[np.int64]:
-        """(len, 4) of each scan the row of the bag's index that its message has, or the first of its messages."""
-        return self._messages.rows
-
-    @property
-    def is_joined(self) -> bool:
-        """Whether scans are joined of several messages."""
-        return self._messages.is_joined
+        stamp = None if self.stamps is None else float(self.stamps[index])
+        time_unit = self._point_times.unit or 0.0
+        return to_scan(self._columns(index), self._where(index), self.names[index], stamp, time_unit, self._unit)
 
     @property
     def about(self) -> dict[str, str]:
@@ -150,20 +131,14 @@ class RosbagSequence(Sequence):
         """(len,) bool: messages with the points of the one before; those without points are none."""
         repeats = np.zeros(len(self), bool)
         digest = cache(self._messages.digest)
-        for i in (
-            np.flatnonzero(np.diff(self._messages.sizes) == 0) + 1
-        ).tolist():  # of another size, it holds something else
+        is_alike = np.diff(self._messages.sizes) == 0  # of another size, it holds something else
+        for i in (np.flatnonzero(is_alike) + 1).tolist():
             repeats[i] = digest(i - 1) == digest(i) != EMPTY
         return repeats
 
     def fingerprint(self) -> str:
         """Return a text that changes when the bag's files do, or the topic."""
         return f"{super().fingerprint()}:{self.topic.name}:{digest_of_files(self.bag.paths)}"
-
-    def mounts(self) -> list[Joint]:
-        """Return the transforms that /tf_static holds."""
-        with reported(self.source):
-            return list(joints_of(Bag(self.source), "/tf_static"))
 
     def _columns(self, index: int) -> Columns:
         columns = self._messages.columns(index)
@@ -192,14 +167,13 @@ class RosbagSequence(Sequence):
         """Return (len, 4, 4) the sensor's poses in the frame of the clouds, None where that is the sensor's own."""
 
         def points(index: int) -> npt.NDArray[np.float64]:
-            return coordinates(self._columns(index), self._where(index)).astype(np.float64)
+            return coordinates(self._columns(index), self._where(index))
 
         is_told = is_named_world(self.frame_id) or self.frame_id in odometry_frames(self.bag)
         if not is_told:
             with suppress(InputError):
                 return find_frame(points, len(self), [], False, self._where())
-        stamps = self._stamps
-        poses, faults = ([], []) if stamps is None else poses_in(self.bag, self.frame_id, stamps)
+        poses, faults = ([], []) if self.stamps is None else poses_in(self.bag, self.frame_id, self.stamps)
         try:
             return find_frame(points, len(self), poses, is_told and bool(poses), self._where())
         except InputError:

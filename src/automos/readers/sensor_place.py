@@ -17,7 +17,7 @@ from automos.core.arrays import evenly_spread
 from automos.core.errors import InputError
 from automos.core.geometry import Array, inverse, transform
 from automos.core.scan import MIN_RANGE, Pose
-from automos.readers.units import are_angles
+from automos.readers.units import are_angles, entropy
 
 _LOOKS = 3
 """Scans that are looked at."""
@@ -127,10 +127,8 @@ def find_frame(
     spacings = {index: one for index, one in spacings.items() if one.is_enough}
     if not spacings:
         return claims[0] if is_trusted else None
-    rivals: list[Pose | None] = [None, *claims]
-    fits = [
-        np.mean([one.fit(np.zeros(3) if T is None else T[i, :3, 3]) for i, one in spacings.items()]) for T in rivals
-    ]
+    places = [np.zeros((n, 3)), *(T[:, :3, 3] for T in claims)]
+    fits = [np.mean([one.fit(place[index]) for index, one in spacings.items()]) for place in places]
     best = int(np.argmax(fits))
     is_as_good = [fit > fits[best] - _SAME for fit in fits]
     if is_trusted and is_as_good[1] and not (is_as_good[0] and _has_sharper_beams(spacings, claims[0])):
@@ -138,16 +136,15 @@ def find_frame(
     elif is_as_good[0]:
         best = 0
     for index, spacing in spacings.items():
-        T = rivals[best]
-        place = np.zeros(3) if T is None else T[index, :3, 3]
-        is_own = T is None and spacing.fit(place) > _OWN  # at rest, a sensor may see the very same once more
+        place = places[best][index]
+        is_own = best == 0 and spacing.fit(place) > _OWN  # at rest, a sensor may see the very same once more
         if not is_own and _goes_on(spacing, raw_points(index), raw_points((index + 1) % n)):
             raise InputError(
                 f"{where} has clouds that hold the points of those before them, a map that grows (accumulated in a "
                 "world frame), not what the sensor saw in one sweep; give its scans as they were before that"
             )
         _require_sensor(spacing, place, where, fault)
-    return rivals[best]
+    return None if best == 0 else claims[best - 1]
 
 
 def _goes_on(spacing: Spacing, cloud: Array, other: Array) -> bool:
@@ -160,15 +157,13 @@ def _goes_on(spacing: Spacing, cloud: Array, other: Array) -> bool:
 def _has_sharper_beams(spacings: dict[int, Spacing], T_file_sensor: Pose) -> bool:
     """Return whether points lie at fewer elevations, as beams have them, seen from the origin than from the poses."""
 
-    def entropy(points: Array) -> float:
+    def spread(points: Array) -> float:
         x, y, z = points.T
-        count = np.bincount(((np.degrees(np.arctan2(z, np.hypot(x, y))) + 90.0) / _ELEVATION).astype(np.int64))
-        share = count[count > 0] / len(points)
-        return float(-np.sum(share * np.log2(share)))
+        return entropy(np.bincount(((np.degrees(np.arctan2(z, np.hypot(x, y))) + 90.0) / _ELEVATION).astype(np.int64)))
 
-    return np.mean([entropy(one.points) for one in spacings.values()]) + _SAME < np.mean(
-        [entropy(transform(inverse(T_file_sensor[i]), one.points)) for i, one in spacings.items()]
-    )
+    here = [spread(one.points) for one in spacings.values()]
+    there = [spread(transform(inverse(T_file_sensor[index]), one.points)) for index, one in spacings.items()]
+    return bool(np.mean(here) + _SAME < np.mean(there))
 
 
 def _require_sensor(spacing: Spacing, place: Array, where: Path, fault: str) -> None:

@@ -59,32 +59,28 @@ def put_in_order(stamps: npt.NDArray[np.float64], names: Sequence[str], where: P
     steps = np.diff(stamps)
     if (steps > 0.0).all():
         return TimeOrder(as_given, stamps, [])
-    if not np.isfinite(stamps).all() or (steps == 0.0).sum() > 0.5 * len(steps):
-        first = names[int(np.argmin(np.isfinite(stamps)))] if not np.isfinite(stamps).all() else names[1]
-        return TimeOrder(
-            as_given, None, [f"{where}: the clock stands still or has no time (first at scan {first}); it is not used."]
-        )
+    is_known = np.isfinite(stamps)
+    if not is_known.all() or (steps == 0.0).sum() > 0.5 * len(steps):
+        first = names[1 if is_known.all() else int(np.argmin(is_known))]
+        said = f"{where}: the clock stands still or has no time (first at scan {first}); it is not used."
+        return TimeOrder(as_given, None, [said])
     usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.1
     back = np.flatnonzero(steps < 0.0)
-    if not len(back):
-        return TimeOrder(as_given, _apart(stamps, usual), [_repeated(stamps, names, where)])
-    late = int(back[0]) + 1
-    said = f"scan {names[late]} is {-steps[late - 1]:.2f} s before the one that comes ahead of it, {names[late - 1]}"
-    order = np.argsort(stamps, kind="stable")
+    order, warnings = np.argsort(stamps, kind="stable"), []
     ordered = stamps[order]
-    if unevenness(steps[steps >= 0.0]) + len(back) < unevenness(np.diff(ordered)):
-        steps = np.where(steps < 0.0, usual, steps)
-        mended = stamps[0] + np.concatenate([[0.0], np.cumsum(steps)])
-        return TimeOrder(
-            as_given,
-            _apart(mended, usual),
-            [f"{where}: the clock jumps back at {len(back)} scans ({said}); it is taken to go on evenly there."],
-        )
-    n_moved = int((order != as_given).sum())
-    warnings = [f"{where}: the scans are not in the order of time ({said}); {n_moved} were put in their place."]
-    in_order = [names[i] for i in order]
-    if (np.diff(ordered) == 0.0).any():
-        warnings.append(_repeated(ordered, in_order, where))
+    if len(back):
+        late = int(back[0]) + 1
+        how = f"scan {names[late]} is {-steps[late - 1]:.2f} s before the one that comes ahead of it, {names[late - 1]}"
+        if unevenness(steps[steps >= 0.0]) + len(back) < unevenness(np.diff(ordered)):
+            mended = stamps[0] + np.concatenate([[0.0], np.cumsum(np.where(steps < 0.0, usual, steps))])
+            said = f"{where}: the clock jumps back at {len(back)} scans ({how}); it is taken to go on evenly there."
+            return TimeOrder(as_given, _apart(mended, usual), [said])
+        n_moved = int((order != as_given).sum())
+        warnings = [f"{where}: the scans are not in the order of time ({how}); {n_moved} were put in their place."]
+    again = np.flatnonzero(np.diff(ordered) == 0.0) + 1
+    if len(again):
+        first = names[order[again[0]]]
+        warnings.append(f"{where}: {len(again)} scans have the time of the one before them (first: {first}).")
     return TimeOrder(order, _apart(ordered, usual), warnings)
 
 
@@ -126,11 +122,6 @@ def with_all_times(stamps: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     rows, step = np.arange(len(stamps)), np.median(steps[steps > 0.0])
     beyond = np.minimum(rows - known[0], 0) + np.maximum(rows - known[-1], 0)
     return np.where(np.isfinite(stamps), stamps, np.interp(rows, known, stamps[known]) + step * beyond)
-
-
-def _repeated(stamps: npt.NDArray[np.float64], names: Sequence[str], where: Path) -> str:
-    again = np.flatnonzero(np.diff(stamps) == 0.0) + 1
-    return f"{where}: {len(again)} scans have the time of the one before them (first: {names[again[0]]})."
 
 
 def _apart(stamps: npt.NDArray[np.float64], usual: float) -> npt.NDArray[np.float64]:
@@ -230,16 +221,11 @@ def appearance(points: Points) -> npt.NDArray[np.float64]:
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
-def difference(a: npt.NDArray[np.float64], b: npt.NDArray[np.float64]) -> float:
-    """Return how differently two scans look, from their `appearance`; NaN where no direction is seen in both."""
-    apart = np.minimum(np.abs(a - b), _ANOTHER_THING)
-    return float(np.nanmean(apart)) if np.isfinite(apart).any() else np.nan
-
-
 def _mean_difference(looks: Mapping[int, npt.NDArray[np.float64]], steps: Iterable[tuple[int, int]]) -> float:
-    found = np.array([difference(looks[a], looks[b]) for a, b in steps])
-    found = found[np.isfinite(found)]
-    return float(found.mean()) if len(found) else np.nan
+    """Return how differently the scans of `steps` look, from their `appearance`; NaN where none see the same places."""
+    apart = [np.minimum(np.abs(looks[a] - looks[b]), _ANOTHER_THING) for a, b in steps]
+    found = [np.nanmean(one) for one in apart if np.isfinite(one).any()]
+    return float(np.mean(found)) if found else np.nan
 
 
 def _steps_of(order: npt.NDArray[np.int64]) -> set[tuple[int, int]]:

@@ -6,8 +6,8 @@ looks forward, or all round, looks where it looked before.
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -27,8 +27,7 @@ _WHOLE = 0.1
 """Parts of a turn by which a whole number of them may be missed."""
 
 
-@dataclass(frozen=True, eq=False)
-class Parts:
+class Parts(NamedTuple):
     """The messages (n, 4) of one scan, rows of a bag's index, and seconds (n,) after the first, None without times."""
 
     rows: npt.NDArray[np.int64]

@@ -51,10 +51,12 @@ def unit_of(cloud: npt.NDArray[np.floating]) -> tuple[float, list[str]]:
     >>> unit_of(100.0 * np.random.default_rng(0).normal(0.0, 15.0, (1000, 3)))[0]
     0.01
     """
-    found = _ranges(cloud)
-    if len(found) < MIN_POINTS:
+    few = cloud[:: max(len(cloud) // 2000, 1)]
+    ranges = np.linalg.norm(few[np.isfinite(few).all(axis=1)].astype(np.float64), axis=1)
+    ranges = ranges[ranges > MIN_RANGE]
+    if len(ranges) < MIN_POINTS:
         return 1.0, []
-    near, middle, far = np.percentile(found, [5, 50, 95])
+    near, middle, far = np.percentile(ranges, [5, 50, 95])
     if far <= FARTHEST:
         return 1.0, []
     name, unit = min(UNITS.items(), key=lambda item: abs(np.log(item[1] * far / USUAL)))
@@ -79,7 +81,7 @@ def are_angles(cloud: npt.NDArray[np.floating], turns: bool = False) -> bool:
         is_steep = abs(np.median(up)) > 0.25 * turn
         if away.min() < 0.0 or not away.any() or np.abs(up).max() > 0.5 * turn or (from_above and is_steep):
             continue
-        if not is_narrow and _evenness(around) > _EVEN:
+        if not is_narrow and entropy(np.histogram(around, _SECTORS)[0]) > _EVEN * np.log2(_SECTORS):
             return True
         around, up = around * np.pi / turn, up * np.pi / turn
         level = away * np.cos(up)
@@ -90,11 +92,10 @@ def are_angles(cloud: npt.NDArray[np.floating], turns: bool = False) -> bool:
     return False
 
 
-def _evenness(around: npt.NDArray[np.float64]) -> float:
-    """Return which share of the entropy that they may have the directions (N,) have: 1 where all are as frequent."""
-    count = np.histogram(around, _SECTORS)[0]
-    share = count[count > 0] / len(around)
-    return float(-np.sum(share * np.log(share)) / np.log(_SECTORS))
+def entropy(count: npt.NDArray[np.int64]) -> float:
+    """Return the entropy, bits, of what was counted (K,) times in each of K classes."""
+    share = count[count > 0] / count.sum()
+    return float(-np.sum(share * np.log2(share)))
 
 
 def _spread_of_ranges(cloud: npt.NDArray[np.float64]) -> float:
@@ -105,9 +106,3 @@ def _spread_of_ranges(cloud: npt.NDArray[np.float64]) -> float:
     rays, away = cloud[away > 0.0] / away[away > 0.0, None], np.log(away[away > 0.0])
     beside = KDTree(rays).query(rays[:_ASKED], k=2)[1][:, 1]
     return float(np.minimum(np.abs(away[:_ASKED] - away[beside]), 0.5).mean())
-
-
-def _ranges(cloud: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
-    few = cloud[:: max(len(cloud) // 2000, 1)]
-    ranges = np.linalg.norm(few[np.isfinite(few).all(axis=1)].astype(np.float64), axis=1)
-    return ranges[ranges > MIN_RANGE]

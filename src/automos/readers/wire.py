@@ -1,7 +1,7 @@
 """Messages of ROS as they lie in a bag, taken apart number by number: CDR of ROS 2, and what ROS 1 writes."""
 
 import struct
-from typing import Self
+from typing import Literal, Self
 
 
 class Wire:
@@ -17,7 +17,7 @@ class Wire:
 
     def __init__(self, raw: bytes, is_ros2: bool, at: int = 4):
         self.raw, self.is_ros2, self.at = raw, is_ros2, at
-        self.order = ">" if is_ros2 and raw[1] == 0 else "<"
+        self.order: Literal["<", ">"] = ">" if is_ros2 and raw[1] == 0 else "<"
 
     @classmethod
     def behind_header(cls, raw: bytes, is_ros2: bool) -> Self:

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from functools import cached_property
 from itertools import chain, islice
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -29,7 +29,8 @@ FACTORY = slice(1204, 1206)
 class VelodyneDecoder:
     """Decodes the packets of one sensor."""
 
-    layout, warnings = VELODYNE, tuple[str, ...]()
+    layout: Layout = VELODYNE
+    warnings: tuple[str, ...] = ()
 
     def __init__(self, packets: Iterable[bytes], source: str):
         """Take packets that contain the model, and of an HDL-64E its calibration (4160 in a row do); read when needed.
@@ -81,18 +82,78 @@ def tells_calibration(packets: Iterable[bytes]) -> bool:
     return len({packet[FACTORY] for packet in packets}) > 1
 
 
-_TOLD_WITHIN = 4200
-"""Packets that contain a sensor's calibration: an HDL-64E takes 4160 to tell it, a RoboSense tells it each second."""
+class TableDecoder:
+    """Decodes packets as their layout says."""
 
-
-class Decoder(Protocol):
-    """Makes points of the packets of one sensor, of kind `layout`."""
-
-    layout: Layout
-    warnings: tuple[str, ...]
+    def __init__(self, layout: Layout, beams: Beams | None):
+        """Take where the beams point, for sensors that have them."""
+        self.layout, self._beams = layout, beams
+        self.warnings = () if beams is None else beams.warnings
 
     def columns(self, packets: Datagrams) -> Columns:
-        """Return x, y, z, intensity, time (s since the first packet) and, of beams, ring of the returns in a sweep."""
+        """Return x, y, z, intensity, time (s since the first packet) and, of beams, ring of the returns in a sweep.
+
+        Points of no return, and returns that only repeat another, are left out.
+        """
+        rows, clock = self.layout.rows(packets), self.layout.clock(packets)
+        blocks = rows["blocks"] if "blocks" in self.layout.names else rows[:, None]
+        points = blocks["points"]  # (P, B, C)
+        _, n_blocks, n = points.shape
+        xyz, n_returns = (_places(points, self.layout.unit), 1) if self._beams is None else self._along_beams(blocks)
+        step = float(np.median(np.diff(clock))) if len(clock) > 1 else 0.0
+        turn = np.arange(n_blocks) // n_returns * n_returns / n_blocks  # two returns of a ray are a block each
+        within = np.resize(self.layout.fired, n) * n_returns / n_blocks if n_blocks > 1 else np.arange(n) / n
+        time = (clock - clock[0])[:, None, None] + step * (turn[:, None] + within)
+        is_return = np.any(xyz, axis=-1)
+        if n_returns == 2:
+            is_return[:, 1::2] &= (xyz[:, 1::2] != xyz[:, ::2]).any(axis=-1)
+        columns: Columns = {axis: xyz[..., k][is_return] for k, axis in enumerate("xyz")}
+        columns |= {"intensity": points["intensity"][is_return].astype(np.float32), "time": time[is_return]}
+        if self._beams is not None:
+            rank = np.argsort(np.argsort(self._beams.elevation, kind="stable")).astype(np.uint16)
+            columns["ring"] = np.broadcast_to(np.resize(rank, n), points.shape)[is_return]
+        return columns
+
+    def _along_beams(self, blocks: npt.NDArray) -> tuple[npt.NDArray[np.float32], int]:
+        """Return (P, B, C, 3) points of (P, B) blocks, metres, and how many returns of a ray there are, 1 or 2.
+
+        They are at their ranges along the beams, and at the origin where there was no return.
+        """
+        assert self._beams is not None
+        points, azimuth = blocks["points"], blocks["azimuth"].astype(np.float64)
+        if "fine" in (blocks.dtype.names or ()):
+            azimuth += blocks["fine"] / 256
+        n_returns = 2 if (azimuth[:, ::2] == azimuth[:, 1::2]).mean() > 0.5 else 1
+        turned = usual_turn(azimuth.reshape(-1)[::n_returns])
+        fired = 0.01 * (azimuth[..., None] + turned * np.resize(self.layout.fired, points.shape[2]))
+        around, elevation = map(np.radians, self._beams.towards(fired))
+        ahead = np.radians(self.layout.ahead)
+        heading, mount = ahead - around, ahead - np.radians(fired)
+        distance = points["range"] * self.layout.unit
+        level, reach = distance * np.cos(elevation), self.layout.lens * (distance > 0)
+        x = level * np.cos(heading) + reach * np.cos(mount)
+        y = level * np.sin(heading) + reach * np.sin(mount)
+        return np.stack([x, y, distance * np.sin(elevation)], axis=-1).astype(np.float32), n_returns
+
+
+def _places(points: npt.NDArray, unit: float) -> npt.NDArray[np.float32]:
+    """Return (..., 3) points, metres, of those that tell where they are."""
+    names = points.dtype.names or ()
+    if "x" in names:
+        return (unit * np.stack([points[axis] for axis in "xyz"], axis=-1)).astype(np.float32)
+    if "zenith" in names:
+        up, around = (np.radians(0.01 * points[name]) for name in ("zenith", "around"))
+        up = np.pi / 2 - up
+    else:
+        up, around = (np.radians(0.01 * (points[name].astype(np.float64) - 32768)) for name in ("pitch", "yaw"))
+    ray = np.stack([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)], axis=-1)
+    return (unit * points["range"][..., None] * ray).astype(np.float32)
+
+
+Decoder = VelodyneDecoder | TableDecoder
+"""Makes points of the packets of one sensor."""
+_TOLD_WITHIN = 4200
+"""Packets that contain a sensor's calibration: an HDL-64E takes 4160 to tell it, a RoboSense tells it each second."""
 
 
 def make_decoder(packets: Iterable[bytes], source: Path, layout: Layout | None = None) -> Decoder:
@@ -113,77 +174,10 @@ def make_decoder(packets: Iterable[bytes], source: Path, layout: Layout | None =
             f"{source} holds packets of a sensor that is not known here; play it through its maker's driver and record "
             "the points"
         )
-    packets = (packet for part in (first, packets) for packet in part)
+    packets = chain(first, packets)
     if layout.sensor == VELODYNE.sensor:
         return VelodyneDecoder(packets, str(source))
     return TableDecoder(layout, beams_of(layout, islice(packets, _TOLD_WITHIN), source) if layout.turns else None)
-
-
-class TableDecoder:
-    """Decodes packets as their layout says."""
-
-    def __init__(self, layout: Layout, beams: Beams | None):
-        """Take where the beams point, for sensors that have them."""
-        self.layout, self._beams = layout, beams
-        self.warnings = () if beams is None else beams.warnings
-
-    def columns(self, packets: Datagrams) -> Columns:
-        """Return what `Decoder.columns` does, without points of no return and returns that only repeat another."""
-        rows, clock = self.layout.rows(packets), self.layout.clock(packets)
-        blocks = rows["blocks"] if "blocks" in self.layout.names else rows[:, None]
-        points = blocks["points"]  # (P, B, C)
-        n_blocks = points.shape[1]
-        step = float(np.median(np.diff(clock))) if len(clock) > 1 else 0.0
-        azimuth = blocks["azimuth"].astype(np.float64) if self.layout.turns else None
-        if azimuth is not None and "fine" in (blocks.dtype.names or ()):
-            azimuth += blocks["fine"] / 256
-        is_dual = azimuth is not None and bool((azimuth[:, ::2] == azimuth[:, 1::2]).mean() > 0.5)
-        turn = np.arange(n_blocks) // (1 + is_dual) * (1 + is_dual) / n_blocks  # two returns of a ray are a block each
-        within = np.resize(self.layout.fired, points.shape[2]) * (1 + is_dual) / n_blocks
-        if n_blocks == 1:
-            within = np.arange(points.shape[2]) / points.shape[2]
-        time = (clock - clock[0])[:, None, None] + step * (turn[:, None] + within)
-        if azimuth is None:
-            xyz = _places(points, self.layout.unit)
-        else:
-            xyz = self._along_beams(points, azimuth, 1 + is_dual)
-        is_return = np.any(xyz, axis=-1)
-        if is_dual:
-            is_return[:, 1::2] &= (xyz[:, 1::2] != xyz[:, ::2]).any(axis=-1)
-        columns: Columns = {axis: xyz[..., k][is_return] for k, axis in enumerate("xyz")}
-        columns |= {"intensity": points["intensity"][is_return].astype(np.float32), "time": time[is_return]}
-        if self._beams is not None:
-            rank = np.argsort(np.argsort(self._beams.elevation, kind="stable")).astype(np.uint16)
-            columns["ring"] = np.broadcast_to(np.resize(rank, points.shape[2]), points.shape)[is_return]
-        return columns
-
-    def _along_beams(self, points: npt.NDArray, azimuth: npt.NDArray, n_returns: int) -> npt.NDArray[np.float32]:
-        """Return (P, B, C, 3) points, metres, at their ranges along the beams; the origin where there was no return."""
-        assert self._beams is not None
-        turned = usual_turn(azimuth.reshape(-1)[::n_returns])
-        fired = 0.01 * (azimuth[..., None] + turned * np.resize(self.layout.fired, points.shape[2]))
-        around, elevation = map(np.radians, self._beams.towards(fired))
-        ahead = np.radians(self.layout.ahead)
-        heading, mount = ahead - around, ahead - np.radians(fired)
-        distance = points["range"] * self.layout.unit
-        level, reach = distance * np.cos(elevation), self.layout.lens * (distance > 0)
-        x = level * np.cos(heading) + reach * np.cos(mount)
-        y = level * np.sin(heading) + reach * np.sin(mount)
-        return np.stack([x, y, distance * np.sin(elevation)], axis=-1).astype(np.float32)
-
-
-def _places(points: npt.NDArray, unit: float) -> npt.NDArray[np.float32]:
-    """Return (..., 3) points, metres, of those that tell where they are."""
-    names = points.dtype.names or ()
-    if "x" in names:
-        return (unit * np.stack([points[axis] for axis in "xyz"], axis=-1)).astype(np.float32)
-    if "zenith" in names:
-        up, around = (np.radians(0.01 * points[name]) for name in ("zenith", "around"))
-        up = np.pi / 2 - up
-    else:
-        up, around = (np.radians(0.01 * (points[name].astype(np.float64) - 32768)) for name in ("pitch", "yaw"))
-    ray = np.stack([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)], axis=-1)
-    return (unit * points["range"][..., None] * ray).astype(np.float32)
 
 
 def to_scan(rows: Columns, stamp: float, name: str) -> Scan:

@@ -104,102 +104,93 @@ def _at(size: int, **fields: tuple[Any, int]) -> np.dtype:
     return np.dtype({"names": list(fields), "formats": kinds, "offsets": places, "itemsize": size})
 
 
-def _return(order: str, size: int) -> np.dtype:
-    return _at(size, range=(f"{order}u2", 0), intensity=("u1", 2))
+def _block(n: int, of: int, before: int = 2, order: str = "<") -> np.dtype:
+    """Return a block of `n` points of `of` bytes each behind `before` bytes, of which the last two are its azimuth."""
+    point = _at(of, range=(f"{order}u2", 0), intensity=("u1", 2))
+    return _at(before + n * of, azimuth=(f"{order}u2", before - 2), points=((point, (n,)), before))
 
 
-def _hesai(sensor: str, sizes: tuple[int, ...], mark: bytes, blocks: tuple[int, int, int], of: int, micro: int) -> list:
-    """Return rows: `blocks` begin at a byte, so many, of so many points of `of` bytes; the clock is at byte `micro`."""
-    begin, n, channels = blocks
-    before = 4 if begin == 0 else 2  # the Pandar40P has no header, but begins each block with two bytes
-    block = _at(before + of * channels, azimuth=("<u2", before - 2), points=((_return("<", of), (channels,)), before))
-    return [
-        Layout(
-            *(sensor, {0: mark[:4]} | ({6: mark[4:]} if mark[4:] else {})),
-            _at(size, blocks=((block, (n,)), begin), micro=("<u4", micro)),
-            *(4e-3, 1.0, 90.0),
-        )
-        for size in sizes
-    ]
+def _hesai(
+    sensor: str, sizes: tuple[int, ...], mark: str, blocks: tuple[int, int, np.dtype], micro: int, mirrors: int = 1
+) -> list[Layout]:
+    """Return a row for each of some sizes: blocks begin at a byte, so many, of a kind; the clock is at byte `micro`.
+
+    mark : hexadecimal, what a packet begins with and, behind a blank, what is at byte 6.
+    """
+    start, n, block = blocks
+    marks = dict(zip((0, 6), map(bytes.fromhex, mark.split()), strict=False))
+    packets = [_at(size, blocks=((block, (n,)), start), micro=("<u4", micro)) for size in sizes]
+    return [Layout(sensor, marks, packet, unit=4e-3, ahead=90.0, mirrors=mirrors) for packet in packets]
 
 
 def _robosense(sensor: str, number: int, fired: tuple[float, ...], lens: float) -> Layout:
-    block = _at(100, azimuth=(">u2", 2), points=((_return(">", 3), (32,)), 4))
-    dtype = _at(1248, blocks=((block, (12,)), 42), milli=(">u2", 26), micro=(">u2", 28))
+    packet = _at(1248, blocks=((_block(32, 3, 4, ">"), (12,)), 42), milli=(">u2", 26), micro=(">u2", 28))
     marks = {0: bytes.fromhex("55AA050A5AA550A0"), 30: bytes([number])}
-    return Layout(sensor, marks, dtype, 5e-3, 1.0, 0.0, fired, lens)
+    return Layout(sensor, marks, packet, unit=5e-3, fired=fired, lens=lens)
 
 
-_FINE_BLOCK = _at(515, azimuth=("<u2", 0), fine=("u1", 2), points=((_return("<", 4), (128,)), 3))
+def _livox(
+    points: dict[int, tuple[np.dtype, int, float]], head: int, kind_at: int, nano: int, version: bytes = b""
+) -> list[Layout]:
+    """Return a row for each data type of `points`, which begin behind `head` bytes; the clock is at byte `nano`.
+
+    kind_at : the byte that tells the type. A packet begins with the `version` and, of the second protocol, its size.
+    """
+    rows = []
+    for kind, (point, n, unit) in points.items():
+        packet = _at(head + n * point.itemsize, points=((point, (n,)), head), nano=("<u8", nano))
+        begin = version + (packet.itemsize.to_bytes(2, "little") if version == _SECOND else b"")
+        marks = {kind_at: bytes([kind])} | ({0: begin} if begin else {})
+        rows.append(Layout("Livox", marks, packet, unit, hour=0.0))
+    return rows
+
+
+def _lengths(kind: str, size: int) -> np.dtype:
+    step = np.dtype(kind).itemsize
+    return _at(size, x=(kind, 0), y=(kind, step), z=(kind, 2 * step), intensity=("u1", 3 * step))
+
+
+def _rays(size: int) -> np.dtype:
+    return _at(size, range=("<u4", 0), zenith=("<u2", 4), around=("<u2", 6), intensity=("u1", 8))
+
+
+_FINE_BLOCK = _at(515, azimuth=("<u2", 0), fine=("u1", 2), points=(_block(128, 4)["points"], 3))
 _M1_POINT = _at(9, range=(">u2", 0), pitch=(">u2", 2), yaw=(">u2", 4), intensity=("u1", 6))
 _M1 = _at(1210, number=(">u2", 4), micro=(">u4", 16), blocks=((_at(47, points=((_M1_POINT, (5,)), 2)), (25,)), 32))
-_LENGTHS = _at(14, x=("<i4", 0), y=("<i4", 4), z=("<i4", 8), intensity=("u1", 12))
-_CENTIMETRES = _at(8, x=("<i2", 0), y=("<i2", 2), z=("<i2", 4), intensity=("u1", 6))
-_RAYS = _at(10, range=("<u4", 0), zenith=("<u2", 4), around=("<u2", 6), intensity=("u1", 8))
-_PLAIN = _at(13, x=("<i4", 0), y=("<i4", 4), z=("<i4", 8), intensity=("u1", 12))
-_PLAIN_RAYS = _at(9, range=("<u4", 0), zenith=("<u2", 4), around=("<u2", 6), intensity=("u1", 8))
-_SECOND = {1: (_LENGTHS, 96, 1e-3), 2: (_CENTIMETRES, 96, 1e-2), 3: (_RAYS, 96, 1e-3)}
-"""Points of each data type of Livox's second protocol (Mid-360, HAP), how many are in a packet, and their unit."""
-_FIRST = {
-    0: (_PLAIN, 100, 1e-3), 1: (_PLAIN_RAYS, 100, 1e-3), 2: (_LENGTHS, 96, 1e-3), 3: (_RAYS, 96, 1e-3),
+_FIRST, _SECOND = b"\x05", b"\0"
+"""Versions of Livox's protocols: of Avia, Horizon, Mid-40, Mid-70 and Tele-15; of Mid-360 and HAP."""
+_LENGTHS = _lengths("<i4", 14)
+_OF_FIRST = {
+    0: (_lengths("<i4", 13), 100, 1e-3), 1: (_rays(9), 100, 1e-3), 2: (_LENGTHS, 96, 1e-3), 3: (_rays(10), 96, 1e-3),
     4: (_LENGTHS, 96, 1e-3), 7: (_LENGTHS, 90, 1e-3),
 }  # fmt: skip
-"""Those of its first (Avia, Horizon, Mid-40, Mid-70, Tele-15); several returns of a ray follow one another."""
-
-
-def _livox(sensor: str, head: int, kinds: dict, marks: dict[int, bytes], kind_at: int, nano: int) -> list[Layout]:
-    return [
-        Layout(
-            *(sensor, {kind_at: bytes([kind])} | marks),
-            _at(head + n * point.itemsize, points=((point, (n,)), head), nano=("<u8", nano)),
-            *(unit, 0.0),
-        )
-        for kind, (point, n, unit) in kinds.items()
-    ]
-
-
-_XT = bytes.fromhex("EEFF0601")
+_OF_SECOND = {1: (_LENGTHS, 96, 1e-3), 2: (_lengths("<i2", 8), 96, 1e-2), 3: (_rays(10), 96, 1e-3)}
+"""Points of their data types, how many are in a packet, and their unit; several returns of a ray follow one another."""
 VELODYNE = Layout(
-    "Velodyne",
-    {0: b"\xff\xee"},
-    _at(1206, blocks=((_at(100, azimuth=("<u2", 2)), (12,)), 0), micro=("<u4", 1200)),
-    hour=3600.0,
+    "Velodyne", {0: b"\xff\xee"}, _at(1206, blocks=((_block(32, 3, 4), (12,)), 0), micro=("<u4", 1200)), hour=3600.0
 )
 """Points of these are decoded by another's library, which knows their calibration."""
 LAYOUTS = (
     VELODYNE,
-    *_hesai("Pandar40P", (1262, 1266), b"\xff\xee", (0, 10, 40), 3, 1250),
-    *_hesai("Pandar64", (1194, 1198), bytes.fromhex("EEFF4006"), (8, 6, 64), 3, 1182),
-    *_hesai("Pandar128", (861, 893), bytes.fromhex("EEFF01048002"), (12, 2, 128), 3, 826),
-    *_hesai("PandarXT-16", (568,), _XT + bytes([16, 8]), (12, 8, 16), 4, 559),
-    *_hesai("PandarXT-32", (1080,), _XT + bytes([32, 8]), (12, 8, 32), 4, 1071),
-    *_hesai("PandarXT-32M", (820,), _XT + bytes([32, 6]), (12, 6, 32), 4, 811),
-    *(
-        Layout(
-            *("Hesai AT128", {0: bytes.fromhex("EEFF0403"), 6: bytes([128, 2])}),
-            _at(size, blocks=((_FINE_BLOCK, (2,)), 12), micro=("<u4", 1066)),
-            *(4e-3, 1.0, 90.0),
-            mirrors=3,
-        )
-        for size in (1078, 1082, 1086, 1118)  # with its number, a sum of its bytes, a signature
-    ),
+    *_hesai("Pandar40P", (1262, 1266), "FFEE", (0, 10, _block(40, 3, 4)), 1250),  # no header: blocks begin with these
+    *_hesai("Pandar64", (1194, 1198), "EEFF4006", (8, 6, _block(64, 3)), 1182),
+    *_hesai("Pandar128", (861, 893), "EEFF0104 8002", (12, 2, _block(128, 3)), 826),
+    *_hesai("PandarXT-16", (568,), "EEFF0601 1008", (12, 8, _block(16, 4)), 559),
+    *_hesai("PandarXT-32", (1080,), "EEFF0601 2008", (12, 8, _block(32, 4)), 1071),
+    *_hesai("PandarXT-32M", (820,), "EEFF0601 2006", (12, 6, _block(32, 4)), 811),
+    # with its number, a sum of its bytes, a signature
+    *_hesai("Hesai AT128", (1078, 1082, 1086, 1118), "EEFF0403 8002", (12, 2, _FINE_BLOCK), 1066, mirrors=3),
     _robosense("RS-LiDAR-16", 1, tuple((k * 55.5 + c * 2.8) / 111.0 for k in range(2) for c in range(16)), 0.03825),
     _robosense(
         *("RS-LiDAR-32", 2),
         tuple((c % 16 * 2.88 + c // 16 * 1.44 + (c % 16 == 15) * 1.44) / 55.52 for c in range(32)),
         0.03997,
     ),
-    Layout("RS-LiDAR-M1", {0: bytes.fromhex("55AA5AA5")}, _M1, 5e-3),
-    *_livox("Livox", 18, _FIRST, {0: b"\x05"}, 9, 10),
-    *(
-        layout
-        for kind, (point, n, _) in _SECOND.items()
-        for layout in _livox(
-            "Livox", 36, {kind: _SECOND[kind]}, {0: b"\0" + (36 + n * point.itemsize).to_bytes(2, "little")}, 10, 28
-        )
-    ),
-)  # fmt: skip
-LVX, LVX2 = tuple(_livox("Livox", 19, _FIRST, {}, 10, 11)), tuple(_livox("Livox", 27, _SECOND, {}, 17, 7))
+    Layout("RS-LiDAR-M1", {0: bytes.fromhex("55AA5AA5")}, _M1, unit=5e-3),
+    *_livox(_OF_FIRST, 18, 9, 10, _FIRST),
+    *_livox(_OF_SECOND, 36, 10, 28, _SECOND),
+)
+LVX, LVX2 = tuple(_livox(_OF_FIRST, 19, 10, 11)), tuple(_livox(_OF_SECOND, 27, 17, 7))
 """Packages of Livox's own files: of its first, as they were sent behind the number of the sensor; of its second."""
 
 

@@ -2,6 +2,7 @@
 
 import struct
 from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -45,50 +46,39 @@ class LvxFile:
         InputError
             The file ends within a package, or a frame holds something else.
         """
-        head, kind_at, nano_at = (27, 17, 7) if self.is_second else (19, 10, 11)
-        stop = self.size if stop is None else stop
-        at, end = (start, 0) if start > self._start else (self._start, self._start)
         data = np.memmap(self.path, np.uint8, "r")
-        raw, found = memoryview(data.data), []
-        while at < stop:
-            if at >= end and at == self.size and end:
-                break
-            if at >= end:  # of the frame: the next one begins, or one that `start` lies in is looked for
-                at, end = self._frame(raw, at, end)
-                continue
-            kind = raw[at + kind_at]
-            length = struct.unpack_from("<I", raw, at + 18)[0] if self.is_second else _FIRST.get(kind, 0)
-            if length == 0 or at + head + length > min(end, self.size):
-                self._raise(at)
-            if head + length == n_bytes:
-                sensor = struct.unpack_from("<I", raw, at + 1)[0] if self.is_second else raw[at]
-                found.append((at, 1e-9 * struct.unpack_from("<Q", raw, at + nano_at)[0], sensor << 16))
-            at += head + length
-            if len(found) == _PIECE:
-                yield self._piece(data, found, n_bytes)
-                found = []
-        if found:
-            yield self._piece(data, found, n_bytes)
+        packages = self._packages(memoryview(data.data), n_bytes, start, min(stop or self.size, self.size))
+        while found := list(islice(packages, _PIECE)):
+            records, seconds, senders = map(np.array, zip(*found, strict=True))
+            yield Datagrams(records, np.stack([data[at : at + n_bytes] for at in records]), seconds, senders)
 
-    def _frame(self, raw: memoryview, at: int, end: int) -> tuple[int, int]:
-        """Return where the packages of the frame at byte `at` begin and end; or of the one that holds package `at`."""
-        begin = at if end else self._start
-        while True:
+    def _packages(self, raw: memoryview, n_bytes: int, start: int, stop: int) -> Iterator[tuple[int, float, int]]:
+        """Yield of each such package where it begins, when it was measured, s, and which sensor sent it."""
+        head, kind_at, nano_at = (27, 17, 7) if self.is_second else (19, 10, 11)
+        for begin, end in self._frames(raw, stop):
+            at = max(begin, start)
+            while at < min(end, stop):
+                kind = raw[at + kind_at]
+                length = struct.unpack_from("<I", raw, at + 18)[0] if self.is_second else _FIRST.get(kind, 0)
+                if length == 0 or at + head + length > min(end, self.size):
+                    raise self._damage(at)
+                if head + length == n_bytes:
+                    sensor = struct.unpack_from("<I", raw, at + 1)[0] if self.is_second else raw[at]
+                    yield at, 1e-9 * struct.unpack_from("<Q", raw, at + nano_at)[0], sensor << 16
+                at += head + length
+
+    def _frames(self, raw: memoryview, stop: int) -> Iterator[tuple[int, int]]:
+        """Yield where the packages of each frame before byte `stop` begin and end."""
+        begin = self._start
+        while begin < stop:
             if begin + _FRAME > self.size:
-                self._raise(begin)
-            here, following = struct.unpack_from("<QQ", raw, begin)
-            following = following or self.size
-            if here != begin or following < begin + _FRAME:
-                self._raise(begin)
-            if following > at or end:
-                return (begin + _FRAME if end else max(at, begin + _FRAME)), following
-            begin = following
+                raise self._damage(begin)
+            here, end = struct.unpack_from("<QQ", raw, begin)
+            end = end or self.size
+            if here != begin or end < begin + _FRAME:
+                raise self._damage(begin)
+            yield begin + _FRAME, end
+            begin = end
 
-    def _raise(self, at: int) -> None:
-        raise InputError(f"{self.path} is cut or damaged at byte {at} of {self.size}; copy it again")
-
-    @staticmethod
-    def _piece(data: np.ndarray, found: list[tuple[int, float, int]], n_bytes: int) -> Datagrams:
-        records, seconds, senders = zip(*found, strict=True)
-        payloads = np.stack([data[at : at + n_bytes] for at in records])
-        return Datagrams(np.array(records), payloads, np.array(seconds), np.array(senders))
+    def _damage(self, at: int) -> InputError:
+        return InputError(f"{self.path} is cut or damaged at byte {at} of {self.size}; copy it again")

@@ -4,24 +4,24 @@ Records can be read from any record on, a piece of the file in memory at a time,
 again. Libraries for captures read from the start and do not report positions.
 """
 
-from __future__ import annotations
-
 import struct
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
+from ipaddress import IPv4Address
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
 
+from automos.core.column_data import ColumnData
 from automos.core.errors import InputError
 from automos.core.kernels import kernel
 
 _MAGIC = {0xA1B2C3D4: 1e-6, 0xA1B23C4D: 1e-9}
 """First four bytes, and the seconds that a fraction counts."""
-_PCAPNG, _NG_ORDER = b"\n\r\r\n", 0x1A2B3C4D
-"""What a capture of the newer kind begins with, and what tells its byte order at its ninth byte."""
+_PCAPNG, _NG_BIG = b"\n\r\r\n", bytes.fromhex("1A2B3C4D")
+"""What a capture of the newer kind begins with, and its ninth to twelfth byte where the first of a number is high."""
 _INTERFACE, _OLD_PACKET, _PACKET = 1, 2, 6
 """Types of its blocks."""
 _HEADER, _RECORD = 24, 16
@@ -34,7 +34,7 @@ _LINKS = {0: 4, 1: 14, 101: 0, 108: 4, 113: 16, 228: 0, 276: 20}
 
 
 @dataclass(frozen=True, eq=False)
-class Datagrams:
+class Datagrams(ColumnData):
     """Datagrams in the order of their records.
 
     Attributes
@@ -49,17 +49,6 @@ class Datagrams:
     payloads: npt.NDArray[np.uint8]
     seconds: npt.NDArray[np.float64]
     senders: npt.NDArray[np.int64]
-
-    def __len__(self) -> int:
-        return len(self.records)
-
-    def __getitem__(self, rows: npt.NDArray) -> Datagrams:
-        return Datagrams(self.records[rows], self.payloads[rows], self.seconds[rows], self.senders[rows])
-
-    def numbers(self, place: int, dtype: str) -> npt.NDArray[np.int64]:
-        """Return (N,) the number of type `dtype` at byte `place` of each datagram."""
-        width = np.dtype(dtype).itemsize
-        return np.ascontiguousarray(self.payloads[:, place : place + width]).view(dtype)[:, 0].astype(np.int64)
 
 
 @dataclass(frozen=True)
@@ -122,23 +111,23 @@ def open_capture(path: Path) -> Capture:
             head = file.read(_HEADER)
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}") from None
-    for order, is_big in (("<u4", False), (">u4", True)):
-        words = np.frombuffer(head[: len(head) // 4 * 4], order).tolist()
-        if len(words) == 6 and words[0] in _MAGIC:
-            return _capture(path, is_big, [(words[5] & 0xFFFF, _MAGIC[words[0]])], is_ng=False)
-    if head[:4] == _PCAPNG and len(head) >= 12:
-        is_big = int.from_bytes(head[8:12], "big") == _NG_ORDER
-        return _capture(path, is_big, _interfaces(path, ">" if is_big else "<"), is_ng=True)
+    for order in "<>" if len(head) == _HEADER else "":
+        magic, link = struct.unpack(f"{order}I16xI", head)
+        if magic in _MAGIC:
+            return _capture(path, order, [(link & 0xFFFF, _MAGIC[magic])], is_ng=False)
+    if head.startswith(_PCAPNG) and len(head) >= 12:
+        order = ">" if head[8:12] == _NG_BIG else "<"
+        return _capture(path, order, _interfaces(path, order), is_ng=True)
     raise InputError(f"{path} is not a capture of packets (libpcap); copy it again")
 
 
-def _capture(path: Path, is_big: bool, interfaces: list[tuple[int, float]], is_ng: bool) -> Capture:
+def _capture(path: Path, order: str, interfaces: list[tuple[int, float]], is_ng: bool) -> Capture:
     links = [link for link, _ in interfaces]
     if links and not set(links) & set(_LINKS):
         raise InputError(f"{path} was captured on a link of type {links[0]}, which is not read; capture Ethernet")
     before_ip = np.array([_LINKS.get(link, -1) for link in links], np.int64)
     units = np.array([unit for _, unit in interfaces], np.float64)
-    return Capture(path, path.stat().st_size, is_big, is_ng, units, before_ip)
+    return Capture(path, path.stat().st_size, order == ">", is_ng, units, before_ip)
 
 
 def _interfaces(path: Path, order: str) -> list[tuple[int, float]]:
@@ -175,16 +164,9 @@ def require_whole(path: Path) -> None:
         pass
 
 
-def join(pieces: Iterable[Datagrams]) -> Datagrams:
-    """Return the datagrams of all `pieces` (at least one) in order."""
-    columns = zip(*((piece.records, piece.payloads, piece.seconds, piece.senders) for piece in pieces), strict=True)
-    return Datagrams(*map(np.concatenate, columns))
-
-
 def sender_name(sender: int) -> str:
     """Return a sender's address and port as text that may be part of a path, 192.168.1.201-2368."""
-    address = sender >> 16
-    return ".".join(str(address >> shift & 255) for shift in (24, 16, 8, 0)) + f"-{sender & 0xFFFF}"
+    return f"{IPv4Address(sender >> 16)}-{sender & 0xFFFF}"
 
 
 @kernel

@@ -21,7 +21,7 @@ from automos.readers.formats import Format, SensorSequence, choose_sensor, is_ca
 from automos.readers.packets.beams import TOLD, table_beside
 from automos.readers.packets.decode import Decoder, make_decoder, to_scan
 from automos.readers.packets.lvx import SUFFIXES, LvxFile
-from automos.readers.packets.pcap import Capture, Datagrams, join, open_capture, sender_name
+from automos.readers.packets.pcap import Capture, Datagrams, open_capture, sender_name
 from automos.readers.packets.sweeps import find_packets, find_sweeps, kinds_in
 
 _TOLD_WITHIN = (0, 1 << 24)
@@ -126,7 +126,7 @@ class PacketSequence(SensorSequence):
     def _packets(self, index: int) -> Datagrams:
         """Return the sensor's packets of a sweep."""
         pieces = find_packets(self._file, self._layout, *self._starts[index : index + 2].tolist())
-        return join(piece[piece.senders == self._sender] for piece in pieces)
+        return Datagrams.concatenate([piece[piece.senders == self._sender] for piece in pieces])
 
     @cached_property
     def _decoder(self) -> Decoder:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from automos.core.kernels import kernel
 from automos.readers.packets.layouts import LAYOUTS, LVX, LVX2, Layout
 from automos.readers.packets.lvx import LvxFile
-from automos.readers.packets.pcap import Capture, Datagrams, join
+from automos.readers.packets.pcap import Capture, Datagrams
 
 _LONGEST = 0.3
 """Seconds: no sensor turns as slowly, so what lasts longer has a gap."""
@@ -66,10 +66,10 @@ def find_sweeps(
             own = packets[packets.senders == sender]
             is_first, seconds = cutters.setdefault(sender, SweepCutter(layout)).cut(own)
             found.setdefault(sender, []).append((own.records[is_first], seconds[is_first]))
-    ends = {sender: zip(*parts, strict=True) for sender, parts in found.items()}
     return {
         sender: (np.concatenate([*starts, [capture.size]]), np.concatenate(stamps))
-        for sender, (starts, stamps) in ends.items()
+        for sender, parts in found.items()
+        for starts, stamps in [zip(*parts, strict=True)]
     }
 
 
@@ -87,7 +87,7 @@ class SweepCutter:
         turned = self._layout.turned(packets)
         self._sense = self._sense or int(np.sign(usual_turn(turned)))
         turned = turned * (self._sense or 1)
-        known = packets if self._last is None else join([self._last, packets])
+        known = packets if self._last is None else Datagrams.concatenate([self._last, packets])
         if self._last is None:
             self._seconds = float(packets.seconds[0])
             self._turn[0] = turned[0] if self._layout.turns and self._layout.mirrors == 1 else 0.0
