@@ -237,8 +237,8 @@ def test_processes_that_are_killed_at_random_lose_nothing(fleet, label, tmp_path
 def test_a_worker_that_is_killed_idle_is_replaced(fleet, label, labelled):
     with LocalPool(1, 1) as pool:
         label(executor=lambda resources: _Kept(pool))
-        os.kill(pool._idle[0].process.pid, 9)
-        pool._idle[0].process.wait()
+        os.kill(pool._idle[0].pid, 9)
+        pool._idle[0].wait()
         assert len(label(executor=lambda resources: _Kept(pool)).had_been) == len(fleet.names)
 
 

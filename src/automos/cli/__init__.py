@@ -33,16 +33,7 @@ app = typer.Typer(
     rich_markup_mode="rich",
     help="Automatic moving/static labels for every point of a LiDAR recording.",
 )
-for group in (
-    label_app,
-    score_app,
-    formats_app,
-    look_app,
-    compare_app,
-    network_app,
-    live_app,
-    worlds_app,
-):
+for group in (label_app, score_app, formats_app, look_app, compare_app, network_app, live_app, worlds_app):
     for command in group.registered_commands:
         command.callback = command.callback and on_this_machine(command.callback)
     app.add_typer(group)
@@ -92,7 +83,9 @@ def _shortened(text: str, longest: int) -> str:
 
 
 def _refused(error: Exception) -> str:
-    """Return what the system refused, as a sentence."""
+    """Return what is wrong, or what the system refused, as a sentence."""
+    if isinstance(error, AutomosError):
+        return str(error)
     if isinstance(error, OSError):
         where = error.filename if error.filename is not None else "the system"
         remedy = "free some space" if is_full(error) else "check its name, its place and who may use it"
@@ -127,11 +120,7 @@ def main() -> None:
     os.environ.update(SAFE_PATH | OURS)  # for every process that is started from here, by whatever library
     try:
         app(prog_name="automos")
-    except AutomosError as error:
-        if _Debug.on:
-            raise
-        _tell(str(error))
-    except (OSError, MemoryError, UnicodeError, RecursionError) as error:
+    except (AutomosError, OSError, MemoryError, UnicodeError, RecursionError) as error:
         if _Debug.on:
             raise
         _tell(_refused(error))

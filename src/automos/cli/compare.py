@@ -9,11 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from automos.cli.options import Calib, Format, Poses, Recording, Workers, console, output
+from automos.cli.options import Calib, Format, Poses, Recording, Workers, chosen_settings, console, output
+from automos.core.atomic import held
+from automos.core.errors import InputError
 
 if TYPE_CHECKING:
+    from automos.baselines.comparison.runs import MethodRuns
     from automos.core.run import Progress
-    from automos.writers.maps.make_map import MadeMap
+    from automos.core.scan import Sequence
 
 compare_app = typer.Typer()
 
@@ -56,26 +59,17 @@ def compare(
     from automos.baselines.comparison.compare import compare as compare_methods
     from automos.baselines.comparison.compare import require_scan, write_comparison
     from automos.baselines.methods import choose_methods
-    from automos.core.errors import InputError
     from automos.core.scan import MAX_RANGE
+    from automos.readers import open_sequence
 
     if not 1.0 <= radius < MAX_RANGE:
         raise InputError(f"--radius {radius:g} is not possible: give 1 to {MAX_RANGE:g} metres around the sensor")
     chosen = choose_methods(methods)
     file = None if poses in ("own", "shared") else Path(poses)
-    with _runs(
-        recording,
-        out or Path("automos_compare"),
-        out is None,
-        file,
-        calib,
-        set_,
-        format,
-        workers,
-        shared=poses == "shared",
-        repeats=repeat,
-        predictions=_named_folders(predictions or []),
-    ) as runs:
+    more = {"repeats": repeat, "predictions": _named_folders(predictions or []), "workers": workers}
+    sequence = open_sequence(recording, format)
+    folder = out or Path("automos_compare") / sequence.name
+    with _runs(sequence, folder, (file, calib), set_, shared=poses == "shared", **more) as runs:
         require_scan(runs, scan)  # before anything takes hours
         comparison = compare_methods(runs, chosen)
         for table in comparison.tables():
@@ -111,12 +105,9 @@ def make_map(
     automos map kitti/sequences/07 --method removert       also scored: the recording has ground truth
     """
     from automos.baselines.methods import choose_methods
-    from automos.core.atomic import held
-    from automos.core.errors import InputError
     from automos.core.workspace import Workspace
+    from automos.readers import open_sequence
     from automos.results.open_run import open_run
-    from automos.settings import load_settings, read_overrides
-    from automos.writers.maps.make_map import make_map as write_map
     from automos.writers.maps.writers import check_kind
 
     overrides = [*(set_ or []), *([] if voxel is None else [f"map.voxel={voxel}"])]
@@ -127,26 +118,29 @@ def make_map(
         if (method, poses, calib) != (None, None, None):
             raise InputError(f"{recording} holds labels and poses: leave --method, --poses and --calib out")
         run = open_run(recording, moved, format)
-        folder = place / run.sequence.name if out is None else place
-        settings = load_settings(overrides=read_overrides(overrides)).map
+        folder = out or place / run.sequence.name
+        settings = chosen_settings(None, overrides).map
         with held(folder):
-            _tell(write_map(run.frames, run.sequence, run.labels, folder, wanted, settings, _say_when_started()))
+            _write(run.frames, run.sequence, run.labels, folder, wanted, settings)
         return
     if moved is not None:
         raise InputError(
             f"{recording} is no results folder of automos label, so {moved} is not its recording: give one"
         )
     (chosen,) = choose_methods([method or "default"])
-    with _runs(recording, place, out is None, poses, calib, overrides, format, workers) as runs:
+    sequence = open_sequence(recording, format)
+    with _runs(sequence, out or place / sequence.name, (poses, calib), overrides, workers=workers) as runs:
         runs.cost(chosen)
-        labels_of = lambda i, n: runs.labels(chosen, i, n) & 0xFFFF  # noqa: E731
         settings = runs.settings(chosen).map
-        _tell(write_map(runs.frames, runs.sequence, labels_of, runs.folder, wanted, settings, _say_when_started()))
+        _write(runs.frames, sequence, lambda i, n: runs.labels(chosen, i, n) & 0xFFFF, runs.folder, wanted, settings)
 
 
-def _tell(made: MadeMap) -> None:
+def _write(frames: Any, sequence: Sequence, labels: Any, folder: Path, kinds: list[str], settings: Any) -> None:
+    """Write the map, and print its scores and files."""
+    from automos.writers.maps.make_map import make_map as write_map
     from automos.writers.maps.make_map import scores_by_name
 
+    made = write_map(frames, sequence, labels, folder, kinds, settings, _say_when_started())
     if made.scores is not None:
         output.print("  ".join(f"{name} {100 * value:.1f}" for name, value in scores_by_name(made.scores).items()))
     output.print(f"{made.n_points:,} points")
@@ -156,35 +150,20 @@ def _tell(made: MadeMap) -> None:
 
 @contextmanager
 def _runs(
-    recording: Path,
-    out: Path,
-    is_default: bool,
-    poses: Path | None,
-    calib: Path | None,
-    overrides: list[str] | None,
-    format: str | None,
-    workers: int,
-    **more: Any,
-) -> Iterator[Any]:
+    sequence: Sequence, folder: Path, files: tuple[Path | None, Path | None], set_: list[str] | None, **more: Any
+) -> Iterator[MethodRuns]:
     """Give the runs of methods in a folder that no other process writes into meanwhile."""
     from automos.baselines.comparison.runs import MethodRuns
-    from automos.core.atomic import held
     from automos.labeling import given_poses
-    from automos.readers import open_sequence
     from automos.settings import read_overrides
 
-    sequence = open_sequence(recording, format)
-    given = given_poses(sequence, poses, calib)
-    folder = out / sequence.name if is_default else out
-    chosen = read_overrides(overrides)
+    poses, chosen = given_poses(sequence, *files), read_overrides(set_)
     with held(folder):
-        yield MethodRuns(sequence, folder, chosen, given, workers, _say_when_started(), **more)
+        yield MethodRuns(sequence, folder, chosen, poses, progress=_say_when_started(), **more)
 
 
 def _named_folders(given: list[str]) -> dict[str, Path]:
     """Return the folders of `given`, each NAME=FOLDER, by name."""
-    from automos.core.errors import InputError
-
     folders: dict[str, Path] = {}
     for text in given:
         name, _, folder = text.partition("=")

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Table
+from rich.table import Column, Table
 
-from automos.cli.options import Format, Moved, Results, console, output
+from automos.cli.options import Format, Moved, Results, output, progress_of
 from automos.core.errors import InputError
 
 formats_app = typer.Typer()
@@ -44,10 +44,8 @@ def formats() -> None:
 
 
 def _table(title: str, *headings: str) -> Table:
-    table = Table(title=title, title_justify="left")
-    for heading in headings:
-        table.add_column(heading, overflow="fold")
-    return table
+    columns = (Column(heading, overflow="fold") for heading in headings)
+    return Table(*columns, title=title, title_justify="left")
 
 
 @formats_app.command()
@@ -71,7 +69,6 @@ def export(
 
     automos export automos_runs/11 kitti/sequences/11 --to semantickitti --out submission.zip
     """
-    from automos.core.progress import StageProgress
     from automos.readers import open_recordings
     from automos.results.open_run import open_run
     from automos.writers import export_run
@@ -79,7 +76,7 @@ def export(
     recordings = (
         [open_run(results, format=format).sequence] if recording is None else open_recordings(recording, format)
     )
-    with StageProgress(console, to) as progress:
+    with progress_of(to) as progress:
         for written in export_run(results, recordings, to, out, progress, deskewed):
             output.print(written)
 
@@ -95,12 +92,11 @@ def merge(
     format: Format = None,
 ) -> None:
     """Merge boxes or labels that were corrected in another tool into a run's labels, and count the changes."""
-    from automos.core.progress import StageProgress
     from automos.readers import open_sequence
     from automos.results.run_files import RunFiles
     from automos.writers.merge import merge as merge_corrections
 
-    with StageProgress(console, "merge") as progress:
+    with progress_of("merge") as progress:
         run = RunFiles(results, open_sequence(recording, format), progress)
         merged = merge_corrections(run, corrected, out or results / "merged")
     output.print(f"{merged.summary()}\nmerged results in {out or results / 'merged'}")
@@ -128,7 +124,6 @@ def dataset(
 
     automos dataset automos_runs/* --out set --layout semantickitti --residuals 1-8      MotionSeg3D
     """
-    from automos.core.progress import StageProgress
     from automos.results.open_run import open_run
     from automos.writers.training.make import make_training_set
     from automos.writers.training.sequence import Extras
@@ -137,11 +132,9 @@ def dataset(
     if len(places) != len(results):
         raise InputError(f"{len(places)} --recordings for {len(results)} results folders: give one for each")
     extras, splits = Extras(_numbers(residuals), boxes), _splits(split or [])
-    with StageProgress(console, "dataset") as progress:
-        runs = [
-            open_run(folder, recording, format, progress, deskewed=True)
-            for folder, recording in zip(results, places, strict=True)
-        ]
+    with progress_of("dataset") as progress:
+        pairs = zip(results, places, strict=True)
+        runs = [open_run(folder, place, format, progress, deskewed=True) for folder, place in pairs]
         made = make_training_set(runs, out, layout, ids, splits, extras)
     for sentence in (*made.sentences(), f"data set in {out}"):
         output.print(sentence, markup=False)
@@ -165,7 +158,6 @@ def clean(
 
     automos clean automos_runs/log --out clean/ --keep-unsure   ... and what has no label
     """
-    from automos.core.progress import StageProgress
     from automos.results.open_run import open_run
     from automos.writers.cleaning.clean import Choice
     from automos.writers.cleaning.clean import clean as clean_recording
@@ -173,7 +165,7 @@ def clean(
     if keep_unsure and only_movers:
         raise InputError("--keep-unsure and --only-movers exclude each other: give one of them")
     choice = Choice.MOVING if only_movers else Choice.NOT_MOVING if keep_unsure else Choice.STATIC
-    with StageProgress(console, "clean") as progress:
+    with progress_of("clean") as progress:
         run = open_run(results, recording, format, progress)
         written, points, left_out = clean_recording(run, out, as_, choice)
     share = 100.0 * left_out / max(points, 1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -18,13 +18,16 @@ from automos.cli.options import (
     Recordings,
     SettingsFile,
     Workers,
+    chosen_settings,
     console,
     output,
+    progress_of,
 )
+from automos.core.errors import InputError
 
 if TYPE_CHECKING:
-    from automos.fleet.label import Resources
-    from automos.fleet.sources import Recording
+    from automos.fleet.label import GivenPoses
+    from automos.fleet.sources import Recording, Shard
     from automos.settings import Settings
 
 label_app = typer.Typer()
@@ -75,12 +78,10 @@ def label(
     from automos.fleet.sources import alone, describe, find_all, name_of, parse_shard, take_shard
     from automos.fleet.storage import shown
     from automos.labeling import require_poses_of_one
-    from automos.settings import load_settings, read_overrides
 
-    names = ("recording.rate", "labels.moving", "labels.unsure", "output.confidence")
-    given = {n: v for n, v in zip(names, (rate, moving, unsure, confidence or None), strict=True) if v is not None}
-    chosen = load_settings(preset, settings, {**given, **read_overrides(set_)})
-    part = parse_shard(shard)
+    options = {"recording.rate": rate, "labels.moving": moving, "labels.unsure": unsure}
+    chosen = chosen_settings(settings, set_, {**options, "output.confidence": confidence or None}, preset)
+    part, files = parse_shard(shard), (poses, calib, overwrite)
     found = alone(find_all(recording, format), part, out)
     target = out or f"automos_runs/{found[0].name if len(found) == 1 else name_of(recording)}"
     resources = Resources(workers, ray, memory, cache, chunk=chunk, **({} if work is None else {"work": work}))
@@ -89,19 +90,14 @@ def label(
     if dry_run:
         for one in mine:
             output.print(f"{one.name}: {describe(one)} -> {shown(one.target(target))}")
-    elif part is None and found[0].folder == "" and has_one_process_enough(found, target, resources):
-        _label_here(found[0], Path(target), out is None, chosen, (poses, calib, overwrite), workers)
+    elif found[0].folder == "" and has_one_process_enough(found, target, resources):
+        _label_here(found[0], Path(target), out is None, chosen, files, workers)
     else:
-        _label_all(mine, shown(recording), target, chosen, resources, part, (poses, calib, overwrite))
+        _label_all(mine, shown(recording), target, part, settings=chosen, resources=resources, poses=files)
 
 
 def _label_here(
-    found: Recording,
-    folder: Path,
-    is_default: bool,
-    settings: Settings,
-    poses: tuple[Path | None, Path | None, bool],
-    workers: int,
+    found: Recording, folder: Path, is_default: bool, settings: Settings, poses: GivenPoses, workers: int
 ) -> None:
     """Label one recording in this process and say what was found; `is_default`: nobody chose the folder."""
     from automos.compiling import compiling_beside
@@ -119,29 +115,18 @@ def _label_here(
     output.print(summary(run, folder, time.perf_counter() - began, run == before))
 
 
-def _label_all(
-    found: list[Recording],
-    name: str,
-    target: str,
-    settings: Settings,
-    resources: Resources,
-    part: tuple[int, int] | None,
-    poses: tuple[Path | None, Path | None, bool],
-) -> None:
+def _label_all(found: list[Recording], name: str, target: str, part: Shard | None, **how: Any) -> None:
     """Label many recordings, by processes or on a cluster; exit with `NOT_ALL` where some could not be.
 
     Raises
     ------
     InputError : the one recording that there is could not be labelled.
     """
-    from automos.core.errors import InputError
-    from automos.core.progress import StageProgress
     from automos.fleet.label import closing_lines, label_fleet
 
-    with StageProgress(console, name, "recordings") as progress:
-        outcome = label_fleet(
-            found, target, settings, resources, part, poses, lambda n, bad, total: progress("labelled", n + bad, total)
-        )
+    with progress_of(name, "recordings") as progress:
+        how["progress"] = lambda n, bad, total: progress("labelled", n + bad, total)
+        outcome = label_fleet(found, target, shard=part, **how)
     if outcome.failed and len(found) == 1 and part is None:  # as where one process labels it
         raise InputError(*outcome.failed.values())
     for line in closing_lines(outcome, target):
@@ -165,6 +150,6 @@ def status(
 @label_app.command("settings")
 def show_settings(preset: Preset = "default", settings: SettingsFile = None, set_: Overrides = None) -> None:
     """Print all settings as YAML; the output is a settings file."""
-    from automos.settings import dump_yaml, load_settings, read_overrides
+    from automos.settings import dump_yaml
 
-    output.print(dump_yaml(load_settings(preset, settings, read_overrides(set_))), end="")
+    output.print(dump_yaml(chosen_settings(settings, set_, preset=preset)), end="")

@@ -6,18 +6,18 @@ import time
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
 
-from automos.cli.options import Format, Lag, Overrides, Rate, SettingsFile, console, output
+from automos.cli.options import Format, Lag, Overrides, Rate, SettingsFile, chosen_settings, console, output
 from automos.core.errors import plain
 
 if TYPE_CHECKING:
-    from automos.live.feed import Feed
-    from automos.live.message import Sender
+    from automos.labeler import Labeler
     from automos.live.run import Sink, Tally
+    from automos.settings import Settings
 
 live_app = typer.Typer()
 
@@ -53,52 +53,45 @@ def live(
 
     automos live my_log/ --web                     a recording, replayed at its own rate
     """
-    import automos
-    from automos.compiling import LINE, is_cold
+    from automos.live.message import Sender
     from automos.live.opening import open_feed
     from automos.live.run import run_live
     from automos.live.segment import results_writer
-    from automos.settings import load_settings, read_overrides
+    from automos.live.udp import parse_address
 
-    chosen = load_settings("default", settings, {**({"recording.rate": rate} if rate else {}), **read_overrides(set_)})
+    chosen = chosen_settings(settings, set_, {"recording.rate": rate})
     feed = open_feed(source, sensor, metadata, speed, timeout, format)
     names: list[str] = []
     with ExitStack() as stack:
         stack.callback(feed.stop)
-        sender = None if send is None else _sender(send, stack)
-        sinks: list[Sink] = [] if sender is None else [_sending(sender)]
+        sender = None if send is None else stack.enter_context(Sender(*parse_address(send)))
+        sinks: list[Sink] = [] if sender is None else [lambda scan, given: sender.send(given)]
         if view or web or foxglove:
             show = _serving if foxglove else partial(_showing, web, browser, points)
             sinks += [show(feed.name, port, stack)]
         if out is not None:  # it is emptied, so whatever may be wrong with the command was looked at before
             writer = stack.enter_context(results_writer(out, names, chosen, feed.recording))
             sinks.insert(0, lambda scan, given: writer.write(given))
-        console.print(LINE if is_cold() else "getting ready", markup=False)
-        labeler = automos.Labeler(chosen, lag=lag, is_compensated=feed.is_compensated)
-        labeler.warm_up()
+        labeler = _ready_labeler(chosen, lag, feed.is_compensated)
         tally = run_live(feed, labeler, sinks, names, _Line(feed.name, stack))
         if out is not None:
-            writer.finish(_about(feed, tally, lag))
+            counts = {"scans": tally.labelled, "left_out": tally.left_out}
+            about = {"name": feed.name, **counts, "is_sensor": feed.recording is None}
+            writer.finish({"recording": about, "lag_seconds": lag})
     where = "" if out is None else f"labels in {out}/predictions"
     for sentence in filter(None, (tally.sentence(feed.name), feed.summary(), sender and sender.summary(), where)):
         output.print(sentence)
 
 
-def _about(feed: Feed, tally: Tally, lag: float) -> dict[str, Any]:
-    """Return what run.json says of a live run."""
-    counts = {"scans": tally.labelled, "left_out": tally.left_out}
-    return {"recording": {"name": feed.name, **counts, "is_sensor": feed.recording is None}, "lag_seconds": lag}
+def _ready_labeler(settings: Settings, lag: float, is_compensated: bool | None = None) -> Labeler:
+    """Return a labeler that has loaded, or compiled, all that it needs."""
+    from automos.compiling import LINE, is_cold
+    from automos.labeler import Labeler
 
-
-def _sender(address: str, stack: ExitStack) -> Sender:
-    from automos.live.message import Sender
-    from automos.live.udp import parse_address
-
-    return stack.enter_context(Sender(*parse_address(address)))
-
-
-def _sending(sender: Sender) -> Sink:
-    return lambda scan, given: sender.send(given)
+    console.print(LINE if is_cold() else "getting ready", markup=False)
+    labeler = Labeler(settings, lag=lag, is_compensated=is_compensated)
+    labeler.warm_up()
+    return labeler
 
 
 def _showing(web: bool, browser: bool, points: int, name: str, port: int, stack: ExitStack) -> Sink:
@@ -159,20 +152,15 @@ def ros2(
 
     automos ros2 --lag 0.5 --ros-args -r points:=/velodyne_points -p publish_odom_tf:=true
     """
-    import automos
-    from automos.compiling import LINE, is_cold
     from automos.live.ros2.feed import RosFeed
     from automos.live.ros2.publishing import Publisher
     from automos.live.run import run_live
-    from automos.settings import load_settings, read_overrides
 
-    chosen = load_settings("default", settings, read_overrides(set_))
+    chosen = chosen_settings(settings, set_)
     feed = RosFeed(ctx.args)
     try:
         publish = Publisher(feed)
-        console.print(LINE if is_cold() else "getting ready", markup=False)
-        labeler = automos.Labeler(chosen, lag=lag)
-        labeler.warm_up()
+        labeler = _ready_labeler(chosen, lag)
         console.print(f"waiting for clouds on {feed.topic} (Ctrl-C ends it)", markup=False)
         tally = run_live(feed, labeler, [publish])
     finally:

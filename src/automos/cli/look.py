@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from automos.cli.options import Format, Moved, console, output
+from automos.cli.options import Format, Moved, console, output, progress_of
 
 look_app = typer.Typer()
 
@@ -21,12 +21,11 @@ def report(
     format: Format = None,
 ) -> None:
     """Write one HTML page about a run: what moved, where, with which confidence and score. It needs no network."""
-    from automos.core.progress import StageProgress
     from automos.results.open_run import open_run
     from automos.views.report import write_report
 
     path = out or results / "report.html"
-    with StageProgress(console, results.name) as progress:
+    with progress_of(results.name) as progress:
         write_report(open_run(results, recording, format, progress), path)
     output.print(path)
 
@@ -51,7 +50,6 @@ def review(
 
     from automos.core.atomic import held
     from automos.core.claims import RESULTS, claim
-    from automos.core.progress import StageProgress
     from automos.results.open_run import open_run
     from automos.review.private_page import private_page
     from automos.review.server import ReviewServer
@@ -60,7 +58,7 @@ def review(
     run = open_run(results, recording, format)
     claim(results, RESULTS)
     with held(results):  # whoever writes there meanwhile would not know of what is decided here
-        with StageProgress(console, results.name) as progress:
+        with progress_of(results.name) as progress:
             session = Session(run, progress, sample)
         server = ReviewServer(session, port)
         output.print(f"{server.url}  (Ctrl-C ends the review)")
@@ -88,11 +86,10 @@ def view(
     format: Format = None,
 ) -> None:
     """Show a run in the viewer Rerun: points by verdict, boxes, tracks, trajectory, errors if there is ground truth."""
-    from automos.core.progress import StageProgress
     from automos.results.open_run import open_run
     from automos.views.viewer import Viewer, save_recording
 
-    with StageProgress(console, results.name) as progress:
+    with progress_of(results.name) as progress:
         run = open_run(results, recording, format, progress)
         if rrd is not None:
             save_recording(run, rrd, points)

@@ -1,18 +1,12 @@
 """The commands of the network: train, run online, export, and reproduce the paper's experiments."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
-from automos.cli.options import Format, Recording, SettingsFile, console, output
+from automos.cli.options import Format, Recording, SettingsFile, chosen_settings, console, output, progress_of
 from automos.core.errors import InputError
-
-if TYPE_CHECKING:
-    from automos.settings import Settings
 
 network_app = typer.Typer()
 
@@ -49,7 +43,6 @@ def train(
 
     automos train --data my_log=automos_runs/my_log --init best.pt --set network.training.epochs=10
     """
-    from automos.core.progress import StageProgress
     from automos.network.recordings import Source
     from automos.network.segment import shipped
     from automos.network.train import TrainingData, device_note
@@ -60,10 +53,10 @@ def train(
     if not held_out and len(sources) > 1:
         held_out = [sources.pop()]
     together = TrainingData((*sources, *map(Source.parse, extra or [])), tuple(held_out))
-    chosen = _settings(settings, set_)
+    chosen = chosen_settings(settings, set_)
     init = shipped(".pt") if init == Path("shipped") else init
     console.print(device_note(device))
-    with StageProgress(console, "train") as progress:
+    with progress_of("train") as progress:
         say = lambda sentence: console.print(sentence, markup=False, highlight=False)  # noqa: E731
         best = train_on(together, out, chosen, init, device, devices, progress, loaders=loaders, report=say)
     output.print(f"IoU of the moving class {100 * best.card['validation_iou']:.1f} % on validation\n{out}/best.pt")
@@ -102,7 +95,8 @@ def segment(
 
     automos segment my_log/ --weights best.pt --device gpu
     """
-    from automos.core.progress import StageProgress
+    from automos.live import segment as by_evidence
+    from automos.network import segment as by_network
     from automos.readers import open_recordings
     from automos.results.claiming import results_folders
 
@@ -117,36 +111,17 @@ def segment(
         )
     if uses_network and lag > 0.0:
         raise InputError("the network labels each scan immediately: leave --lag out, or take --method evidence")
-    chosen = _settings(settings, set_)
+    chosen = chosen_settings(settings, set_)
     recordings = open_recordings(recording, format)
     folders = results_folders(recordings, out, Path("automos_segmented"))
+    way: Any = by_evidence
+    how: tuple[Any, ...] = chosen, lag
     if uses_network:
-        run_one = _with_network(weights, engine, device, threads, chosen, probabilities)
-    else:
-        run_one = _with_evidence(chosen, lag)
+        way, how = by_network, (by_network.open_network(weights, engine, device, threads), chosen, probabilities)
     for sequence, folder in zip(recordings, folders, strict=True):
-        with StageProgress(console, sequence.name) as progress:
-            summary = run_one(sequence, folder, progress)
-        output.print(summary)
-
-
-def _with_network(
-    weights: Path | None, engine: str, device: str, threads: int, settings: Settings, probabilities: bool
-) -> Callable[..., str]:
-    from automos.network.segment import open_network, segment_recording, summary
-
-    network = open_network(weights, engine, device, threads)
-    return lambda sequence, folder, progress: summary(
-        segment_recording(sequence, folder, network, settings, probabilities, progress), folder
-    )
-
-
-def _with_evidence(settings: Settings, lag: float) -> Callable[..., str]:
-    from automos.live.segment import segment_recording, summary
-
-    return lambda sequence, folder, progress: summary(
-        segment_recording(sequence, folder, settings, lag, progress), folder
-    )
+        with progress_of(sequence.name) as progress:
+            run = way.segment_recording(sequence, folder, *how, progress)
+        output.print(way.summary(run, folder))
 
 
 @network_app.command("export-network")
@@ -197,7 +172,6 @@ def reproduce(
 
     automos reproduce table2 --full --train=kitti/sequences/0{0..7} --validation kitti/sequences/08 --test ...
     """
-    from automos.core.progress import StageProgress
     from automos.network.domains import DOMAINS
     from automos.network.experiments import SIZES, TUNING, Experiment, many_sensors, table_three, table_two
     from automos.network.tables import write_curves, write_table
@@ -208,8 +182,8 @@ def reproduce(
     given = _data(train, validation, test, extra)
     console.print(device_note(device))
     base = SIZES[experiment][full]
-    chosen, tuning = _settings(settings, set_, base), _settings(settings, set_, {**base, **TUNING})
-    with StageProgress(console, experiment) as progress:
+    chosen, tuning = (chosen_settings(settings, set_, given) for given in (base, {**base, **TUNING}))
+    with progress_of(experiment) as progress:
         work = Experiment(out, chosen, tuning, device, progress)
         home = given or work.simulated(DOMAINS["S" if experiment == "network" else "K"])
         if experiment == "network":
@@ -240,10 +214,3 @@ def _named(text: str) -> tuple[str, Path]:
     if not sign:
         raise InputError(f"--predictions {text} has no name: write --predictions NAME=FOLDER")
     return name, Path(folder)
-
-
-def _settings(file: Path | None, overrides: list[str] | None, given: dict[str, Any] | None = None) -> Settings:
-    """Return the default preset, changed by a file, then by `given`, then by overrides."""
-    from automos.settings import load_settings, read_overrides
-
-    return load_settings("default", file, {**(given or {}), **read_overrides(overrides)})

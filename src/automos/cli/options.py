@@ -3,17 +3,23 @@
 Results go to standard output, messages about them to standard error.
 """
 
+from __future__ import annotations
+
 import logging
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import wraps
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
 
 from automos.core.errors import InputError, plain
+
+if TYPE_CHECKING:
+    from automos.core.progress import StageProgress
+    from automos.settings import Settings
 
 
 class PlainConsole(Console):
@@ -83,6 +89,23 @@ Rate = Annotated[float | None, typer.Option(min=0.1, max=1000, help="scans a sec
 Poses = Annotated[Path | None, typer.Option(help="poses to use instead of odometry: KITTI or TUM file")]
 Calib = Annotated[Path | None, typer.Option(help="calib.txt with Tr:, if the poses are the camera's")]
 Workers = Annotated[int, typer.Option(min=0, help="processes; 0: one per core")]
+
+
+def chosen_settings(
+    file: Path | None, overrides: list[str] | None, given: Mapping[str, Any] | None = None, preset: str = "default"
+) -> Settings:
+    """Return a preset, changed by a file, then by `given`, options that are settings or None, then by overrides."""
+    from automos.settings import load_settings, read_overrides
+
+    options = {name: value for name, value in (given or {}).items() if value is not None}
+    return load_settings(preset, file, {**options, **read_overrides(overrides)})
+
+
+def progress_of(title: str, counted: str = "scans") -> StageProgress:
+    """Return the progress of stages under `title`, on standard error; what draws it is imported when it is needed."""
+    from automos.core.progress import StageProgress
+
+    return StageProgress(console, title, counted)
 
 
 def _require_finite(lag: float) -> float:

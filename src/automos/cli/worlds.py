@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from automos.cli.options import Preset, console, output
+from automos.cli.options import Preset, chosen_settings, console, output, progress_of
 from automos.core.errors import InputError
 
 worlds_app = typer.Typer()
@@ -19,11 +19,9 @@ def demo(
     """Simulate a street, label it, score the labels and draw them."""
     from automos.cli.demo import run_demo
     from automos.compiling import SHARES, compiling_beside
-    from automos.core.progress import StageProgress
-    from automos.settings import load_settings
 
-    with compiling_beside(console.print, SHARES), StageProgress(console, "street") as progress:
-        made = run_demo(out, load_settings(preset), progress)
+    with compiling_beside(console.print, SHARES), progress_of("street") as progress:
+        made = run_demo(out, chosen_settings(None, None, preset=preset), progress)
     output.print(
         f"IoU of the moving class {100 * made.scores.iou:.1f} % (precision {100 * made.scores.precision:.1f} %, "
         f"recall {100 * made.scores.recall:.1f} %)\npicture: {made.picture}\nreport:  {made.report}"
@@ -57,7 +55,6 @@ def simulate(
     poses, but without boxes.
     """
     from automos import simulation
-    from automos.core.progress import StageProgress
 
     conditions = simulation.Conditions(rig, weather, blooming)
     if convention or conditions != simulation.Conditions() or lidars != 1:
@@ -73,6 +70,6 @@ def simulate(
         output.print(f"{len(recorded)} scans in {out} ({kept})")
         return
     sequence = simulation.simulate(scenario, sensor, scans, seed, compensated)
-    with StageProgress(console, sequence.name) as progress:
+    with progress_of(sequence.name) as progress:
         simulation.write(sequence, out, workers, progress, bag)
     output.print(f"{len(sequence)} scans in {out}")

@@ -9,14 +9,13 @@ import os
 import shutil
 import time
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import IO
 
 from automos.core.claims import COPIES, claim
 from automos.core.errors import InputError
-from automos.fleet.storage import THREADS, Entry, Store, key_of, shown
+from automos.fleet.storage import Entry, Store, key_of, of_each, shown
 
 _POLL_S = 0.5
 
@@ -69,9 +68,7 @@ class Cache:
                 taken = {path.stem: int(path.read_text() or 0) for path in self._folder.glob("*.bytes")}
                 taken.pop(key, None)
                 for old in sorted(taken, key=self._last_use):
-                    if sum(taken.values()) + size <= self._limit:
-                        break
-                    if self._remove_unused(old):
+                    if sum(taken.values()) + size > self._limit and self._remove_unused(old):
                         del taken[old]
                 if sum(taken.values()) + size <= self._limit:
                     (self._folder / f"{key}.bytes").write_text(str(size))
@@ -91,10 +88,8 @@ class Cache:
             (self._folder / f"{key}.bytes").unlink(missing_ok=True)
             return True
 
-    @contextmanager
-    def _lock(self, key: str) -> Iterator[IO[str]]:
-        with (self._folder / f"{key}.lock").open("w") as file:
-            yield file  # closing it lets go
+    def _lock(self, key: str) -> IO[str]:
+        return (self._folder / f"{key}.lock").open("w")  # closing it lets go
 
 
 def _take(lock: IO[str], wait: bool = True, alone: bool = True) -> bool:
@@ -136,5 +131,4 @@ def _fetch(store: Store, entries: list[Entry], folder: Path) -> None:
             raise OSError(f"{local.name} came with {local.stat().st_size} bytes of {entry.size}")
         os.utime(local, (0, int(key_of(entry.version), 16) % 2**31))
 
-    with ThreadPoolExecutor(THREADS) as pool:
-        list(pool.map(fetch, entries))
+    of_each(fetch, entries)

@@ -39,21 +39,25 @@ class Outcome:
     scans: int = 0
 
     @property
+    def n_labelled(self) -> int:
+        """Number of recordings that are labelled, now or before."""
+        return len(self.labelled) + len(self.had_been)
+
+    @property
     def n_ended(self) -> int:
         """Number of recordings that are finished or failed."""
-        return len(self.labelled) + len(self.had_been) + len(self.failed)
+        return self.n_labelled + len(self.failed)
 
 
 @dataclass
 class _Work:
-    """The state of one recording while it is processed."""
+    """The state of one recording while it is processed; one that begins anew gets another, and this one's units end."""
 
     recording: Recording
     scans: int = 0
     left: int = 1  # units of the present kind that are not done
     tries: Counter[Unit] = field(default_factory=Counter)
     home: str | None = None
-    generation: int = 0  # of its units: those of an abandoned one no longer count
 
 
 def label_all(
@@ -63,53 +67,50 @@ def label_all(
 
     Results do not depend on the executor, nor on what was lost and done again on the way.
     """
-    fleet = _Fleet(list(recordings), job, executor, ledger)
-    while fleet.is_busy:
-        fleet.deal_out()
-        for ended in executor.wait(_POLL_S) if fleet.has_orders_out else []:
-            fleet.take(ended)
-        ledger.tick()
-        if progress is not None:
-            progress(len(fleet.outcome.labelled) + len(fleet.outcome.had_been), len(fleet.outcome.failed), fleet.total)
-    return fleet.outcome
+    return _Fleet(recordings, job, executor, ledger).run(progress)
 
 
 class _Fleet:
-    def __init__(self, recordings: list[Recording], job: Job, executor: Executor, ledger: Ledger):
-        self.outcome, self.total = Outcome(), len(recordings)
+    def __init__(self, recordings: Iterable[Recording], job: Job, executor: Executor, ledger: Ledger):
+        self._outcome = Outcome()
         self._job, self._executor, self._ledger = job, executor, ledger
         self._work = {recording.name: _Work(recording) for recording in recordings}
-        self._ready = deque((recording.name, 0, Unit()) for recording in recordings)
-        self._running: dict[int, tuple[int, Order]] = {}
+        self._ready = deque((work, Unit()) for work in self._work.values())
+        self._running: dict[int, tuple[_Work, Order]] = {}
 
-    @property
-    def is_busy(self) -> bool:
-        return bool(self._ready or self._running)
+    def run(self, progress: Progress | None) -> Outcome:
+        outcome, total = self._outcome, len(self._work)
+        while self._ready or self._running:
+            self._deal_out()
+            for ended in self._executor.wait(_POLL_S) if self._running else []:
+                self._take(ended)
+            self._ledger.tick()
+            if progress is not None:
+                progress(outcome.n_labelled, len(outcome.failed), total)
+        return outcome
 
-    @property
-    def has_orders_out(self) -> bool:
-        return bool(self._running)
+    def _is_over(self, work: _Work) -> bool:
+        """Return whether its recording has failed or begun anew."""
+        return self._work.get(work.recording.name) is not work
 
-    def deal_out(self) -> None:
+    def _deal_out(self) -> None:
         while self._ready and len(self._running) < self._executor.slots:
-            name, generation, unit = self._ready.popleft()
-            work = self._work.get(name)
-            if work is None or work.generation != generation:
-                continue  # the recording failed or began anew
+            work, unit = self._ready.popleft()
+            if self._is_over(work):
+                continue
             active = min(len(self._ready) + len(self._running) + 1, self._executor.slots)
             threads = max(1, min(self._executor.cores // active, self._executor.max_threads))
             order = Order(self._job, work.recording, unit, threads, work.home)
             work.tries[unit] += 1
-            self._running[id(order)] = (generation, order)
+            self._running[id(order)] = work, order
             self._ledger.started(order, work.tries[unit])
             self._executor.submit(order)
 
-    def take(self, ended: Ended) -> None:
-        generation, order = self._running.pop(id(ended.order))
-        work = self._work.get(order.recording.name)
+    def _take(self, ended: Ended) -> None:
+        work, order = self._running.pop(id(ended.order))
         report = ended.report or Report(State.AGAIN, ended.loss)
         self._ledger.ended(order, report)
-        if work is None or work.generation != generation:
+        if self._is_over(work):
             return
         if report.state is State.FAILED:
             self._fail(work, report.reason, report.trace)
@@ -132,34 +133,31 @@ class _Fleet:
         _log.info("%s, %s: %s; once more", work.recording.name, order.unit, report.reason)
         if work.home is not None and not self._executor.has(work.home):
             # What it had found went with the machine.
-            replacement = _Work(work.recording, tries=work.tries, generation=work.generation + 1)
-            self._work[work.recording.name] = replacement
-            replacement.tries[Unit()] = tries
-            self._ready.appendleft((work.recording.name, replacement.generation, Unit()))
+            anew = self._work[work.recording.name] = _Work(work.recording, tries=work.tries)
+            anew.tries[Unit()] = tries
+            self._ready.appendleft((anew, Unit()))
         elif is_lost:
-            self._ready.appendleft((work.recording.name, work.generation, order.unit))
+            self._ready.appendleft((work, order.unit))
         else:  # let time pass
-            self._ready.append((work.recording.name, work.generation, order.unit))
+            self._ready.append((work, order.unit))
 
     def _go_on(self, work: _Work, kind: Kind) -> None:
+        units, chunk = [Unit(kind)], self._job.chunk
         if kind in (Kind.EVIDENCE, Kind.LABELS):
-            starts = range(0, work.scans, self._job.chunk)
-            units = [Unit(kind, first, min(first + self._job.chunk, work.scans)) for first in starts]
-        else:
-            units = [Unit(kind)]
+            units = [Unit(kind, i, min(i + chunk, work.scans)) for i in range(0, work.scans, chunk)]
         work.left = len(units)
         # Before recordings that have not begun: those that have hold space on disks.
-        self._ready.extendleft((work.recording.name, work.generation, unit) for unit in reversed(units))
+        self._ready.extendleft((work, unit) for unit in reversed(units))
 
     def _finish(self, work: _Work, report: Report) -> None:
-        name = work.recording.name
-        (self.outcome.labelled if report.is_fresh else self.outcome.had_been).append(name)
-        self.outcome.warned += [name] if report.warnings else []
-        self.outcome.scans += report.scans
+        name, outcome = work.recording.name, self._outcome
+        (outcome.labelled if report.is_fresh else outcome.had_been).append(name)
+        outcome.warned += [name] if report.warnings else []
+        outcome.scans += report.scans
         self._ledger.labelled(work.recording, replace(report, scans=report.scans or work.scans))
         del self._work[name]
 
     def _fail(self, work: _Work, reason: str, trace: str) -> None:
-        self.outcome.failed[work.recording.name] = reason
+        self._outcome.failed[work.recording.name] = reason
         self._ledger.failed(work.recording, reason, trace)
         del self._work[work.recording.name]

@@ -12,6 +12,7 @@ from automos.fleet.fleet import Outcome, Progress, label_all
 from automos.fleet.ledger import Ledger, ledger_folder, ledger_name
 from automos.fleet.local_pool import Executor, InProcess, LocalPool
 from automos.fleet.orders import Job, Recording
+from automos.fleet.sources import Shard
 from automos.fleet.status import read_status
 from automos.fleet.storage import is_url, join, key_of, shown
 from automos.fleet.units import settings_key
@@ -24,6 +25,8 @@ from automos.settings import Settings, dump_yaml
 _GB = 10**9
 MOST_GB = 1e6
 """More than any machine has."""
+GivenPoses = tuple[Path | None, Path | None, bool]
+"""Pose file and calibration of a run of one recording, and whether results with other poses are replaced."""
 
 
 @dataclass(frozen=True)
@@ -65,8 +68,8 @@ def label_fleet(
     target: str,
     settings: Settings,
     resources: Resources,
-    shard: tuple[int, int] | None = None,
-    poses: tuple[Path | None, Path | None, bool] = (None, None, False),
+    shard: Shard | None = None,
+    poses: GivenPoses = (None, None, False),
     progress: Progress | None = None,
     executor: Callable[[Resources], Executor] | None = None,
 ) -> Outcome:
@@ -77,7 +80,7 @@ def label_fleet(
     shard : tuple[int, int], optional
         Which part of a run this process does, where `recordings` are a part.
     poses : tuple[Path, Path, bool], optional
-        Pose file and calibration of a run of one recording, and whether results with other poses are replaced.
+        Those to use instead of odometry.
     executor : callable, optional
         Makes what does the work; by `resources` where not given.
 
@@ -131,12 +134,10 @@ def has_one_process_enough(recordings: list[Recording], target: str, resources: 
 def closing_lines(outcome: Outcome, target: str) -> list[str]:
     """Return what was done, and what was not and why, for a terminal."""
     had_been = f" ({len(outcome.had_been)} had been before)" if outcome.had_been else ""
-    n_done = len(outcome.labelled) + len(outcome.had_been)
-    lines = [
-        f"{n_done} of {outcome.n_ended} recordings labelled{had_been}, {outcome.scans:,} scans; in {shown(target)}"
-    ]
+    where, n = shown(target), outcome.n_labelled
+    lines = [f"{n} of {outcome.n_ended} recordings labelled{had_been}, {outcome.scans:,} scans; in {where}"]
     if outcome.warned:
-        lines.append(f"{len(outcome.warned)} of them with warnings; read them: automos status {shown(target)}")
+        lines.append(f"{len(outcome.warned)} of them with warnings; read them: automos status {where}")
     lines += [f"not labelled: {name}: {reason}" for name, reason in sorted(outcome.failed.items())]
     return lines
 

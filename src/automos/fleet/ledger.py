@@ -12,7 +12,7 @@ import re
 import sqlite3
 import time
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 from automos.core.claims import LEDGER, claim
@@ -64,17 +64,14 @@ class Ledger:
                 (settings_key, settings, json.dumps(versions), now, now, slots),
             )
             rows = [(recording.name, shown(recording.source)) for recording in recordings]
-            self._books.execute("CREATE TEMP TABLE wanted AS SELECT name FROM recordings WHERE 0")
-            self._books.executemany("INSERT INTO wanted VALUES (?)", [row[:1] for row in rows])
-            self._books.execute(
-                "DELETE FROM recordings WHERE name NOT IN (SELECT name FROM wanted) AND state != 'done'"
-            )
+            not_done = self._books.execute("SELECT name FROM recordings WHERE state != 'done'").fetchall()
+            gone = set(not_done) - {row[:1] for row in rows}
+            self._books.executemany("DELETE FROM recordings WHERE name = ?", gone)
             self._books.execute("DELETE FROM units WHERE state != 'done'")
             self._books.execute("UPDATE recordings SET state = 'waiting', reason = NULL WHERE state != 'done'")
             self._books.executemany(
                 "INSERT INTO recordings (name, source, state) VALUES (?, ?, 'waiting') ON CONFLICT DO NOTHING", rows
             )
-            self._books.execute("DROP TABLE wanted")
             self._books.execute("COMMIT")
         self.save()
 
@@ -102,20 +99,10 @@ class Ledger:
 
     def labelled(self, recording: Recording, report: Report) -> None:
         """Record that a recording is labelled."""
+        found = {name: getattr(report, name) for name in ("scans", "points", "moving", "fingerprint")}
+        found |= {"warnings": json.dumps(report.warnings), "fresh": int(report.is_fresh), "ended": time.time()}
         with self._writing():
-            self._set(
-                recording.name,
-                state="done",
-                reason=None,
-                trace=None,
-                scans=report.scans,
-                points=report.points,
-                moving=report.moving,
-                fingerprint=report.fingerprint,
-                warnings=json.dumps(report.warnings),
-                fresh=int(report.is_fresh),
-                ended=time.time(),
-            )
+            self._set(recording.name, state="done", reason=None, trace=None, **found)
             if report.is_fresh:
                 self._books.execute(
                     "UPDATE recordings SET (seconds, cpu_seconds, peak_mb) = (SELECT SUM(seconds), SUM(cpu_seconds), "
@@ -143,9 +130,8 @@ class Ledger:
         base, _, name = self._published.rpartition("/")
         copy = self._path.with_suffix(".copy")
         try:
-            with sqlite3.connect(copy) as books:
+            with closing(sqlite3.connect(copy)) as books:
                 self._books.backup(books)
-            books.close()
             Store(base).put(str(copy), name)
         except (ValueError, OSError, RuntimeError, sqlite3.Error) as error:
             _log.warning("the ledger could not be copied to %s: %s", shown(self._published), error)

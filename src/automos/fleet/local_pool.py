@@ -7,21 +7,17 @@ takes the place. When the parent dies, they end themselves.
 
 from __future__ import annotations
 
-import contextlib
 import os
 import pickle
-import queue
 import signal
 import subprocess
 import sys
-import threading
-from collections import deque
+from concurrent import futures
 from pathlib import Path
-from types import TracebackType
 
 import automos
 from automos.core.working_folder import SAFE_PATH
-from automos.fleet.orders import Ended, Order, Report
+from automos.fleet.orders import Ended, Order
 from automos.fleet.units import work
 from automos.fleet.work_folder import thread_limits
 
@@ -60,119 +56,97 @@ class Executor:
     def __enter__(self) -> Executor:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
 
 class InProcess(Executor):
     """Orders done in this process, one by one."""
 
-    def __init__(self, cores: int = 1):
-        """Take how many cores an order may use."""
-        super().__init__(1, cores, max_threads=cores)
-        self._orders: deque[Order] = deque()
+    def __init__(self) -> None:
+        super().__init__(1, 1, max_threads=1)
+        self._orders: list[Order] = []
 
     def submit(self, order: Order) -> None:
         """Take an order."""
         self._orders.append(order)
 
     def wait(self, seconds: float) -> list[Ended]:
-        """Do one order and return it."""
-        if not self._orders:
-            return []
-        order = self._orders.popleft()
-        return [Ended(order, work(order))]
+        """Do what was taken and return it."""
+        orders, self._orders = self._orders, []
+        return [Ended(order, work(order)) for order in orders]
 
 
 class LocalPool(Executor):
-    """Processes of this machine."""
+    """Processes of this machine, each with a thread of ours that waits for it."""
 
     def __init__(self, workers: int, cores: int):
         """Take the number of processes and their total number of cores; processes start on demand."""
         super().__init__(workers, cores, max_threads=cores)
         self._limits = thread_limits(max(1, cores // workers))
-        self._idle: list[_Worker] = []
-        self._busy: list[_Worker] = []
-        self._said: queue.Queue[tuple[_Worker, Report | None]] = queue.Queue()
+        self._waiting = futures.ThreadPoolExecutor(workers)
+        self._idle: list[subprocess.Popen[bytes]] = []
+        self._busy: dict[futures.Future[Ended], subprocess.Popen[bytes]] = {}
 
     @property
     def pids(self) -> list[int]:
         """The process ids of busy workers."""
-        return [worker.process.pid for worker in self._busy]
+        return [worker.pid for worker in self._busy.values()]
 
     def submit(self, order: Order) -> None:
         """Give an order to a worker."""
-        worker = self._idle.pop() if self._idle else _Worker(self._limits, self._said)
-        self._busy.append(worker)
-        worker.give(order)
+        self._idle = [worker for worker in self._idle if worker.poll() is None]
+        worker = self._idle.pop() if self._idle else _started(self._limits)
+        self._busy[self._waiting.submit(_done_by, worker, order)] = worker
 
     def wait(self, seconds: float) -> list[Ended]:
-        """Return one order that ended or was lost; none after a timeout."""
-        try:
-            worker, report = self._said.get(timeout=seconds)
-        except queue.Empty:
-            return []
-        order, worker.order = worker.order, None
-        if worker in self._busy:
-            self._busy.remove(worker)
-        if report is not None:
-            self._idle.append(worker)
-        elif worker in self._idle:
-            self._idle.remove(worker)
-        if order is None:  # it died with nothing to do
-            return []
-        return [Ended(order, report, "" if report is not None else worker.how_it_ended())]
+        """Return orders that ended or were lost; none after a timeout."""
+        ended = []
+        for future in futures.wait(self._busy, seconds, futures.FIRST_COMPLETED).done:
+            ended.append(future.result())
+            worker = self._busy.pop(future)
+            if ended[-1].report is not None:
+                self._idle.append(worker)
+        return ended
 
     def close(self) -> None:
         """End all processes."""
-        for worker in (*self._busy, *self._idle):
-            worker.end()
-        self._busy, self._idle = [], []
+        workers = (*self._busy.values(), *self._idle)
+        for worker in workers:
+            worker.kill()
+        self._waiting.shutdown()
+        for worker in workers:
+            worker.communicate()  # closes its pipes
+        self._busy, self._idle = {}, []
 
 
-class _Worker:
-    def __init__(self, limits: dict[str, str], said: queue.Queue[tuple[_Worker, Report | None]]):
-        source = str(Path(automos.__file__).parents[1])
-        # An empty entry would be the working folder.
-        path = os.pathsep.join(filter(None, [source, *os.environ.get("PYTHONPATH", "").split(os.pathsep)]))
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "automos.fleet.worker"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env={**os.environ, **limits, **SAFE_PATH, "PYTHONPATH": path},
-        )
-        self.order: Order | None = None
-        self._said = said
-        threading.Thread(target=self._listen, daemon=True).start()
+def _started(limits: dict[str, str]) -> subprocess.Popen[bytes]:
+    source = str(Path(automos.__file__).parents[1])
+    # An empty entry would be the working folder.
+    path = os.pathsep.join(filter(None, [source, *os.environ.get("PYTHONPATH", "").split(os.pathsep)]))
+    return subprocess.Popen(
+        [sys.executable, "-m", "automos.fleet.worker"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        env={**os.environ, **limits, **SAFE_PATH, "PYTHONPATH": path},
+    )
 
-    def give(self, order: Order) -> None:
-        self.order = order
-        assert self.process.stdin is not None
-        with contextlib.suppress(OSError):  # a worker that died just now shows at its other pipe
-            pickle.dump(order, self.process.stdin)
-            self.process.stdin.flush()
 
-    def how_it_ended(self) -> str:
-        code = self.process.wait()
-        if code >= 0:
-            return f"its worker ended by itself, with code {code}"
-        name = signal.Signals(-code).name if -code in set(signal.Signals) else str(-code)
-        why = ": by a user, or by the system because memory ran out" if name == "SIGKILL" else ""
-        return f"its worker was killed ({name}{why})"
+def _done_by(worker: subprocess.Popen[bytes], order: Order) -> Ended:
+    """Return what became of `order`, which the process is given."""
+    assert worker.stdin is not None
+    assert worker.stdout is not None
+    try:
+        pickle.dump(order, worker.stdin)
+        worker.stdin.flush()
+        return Ended(order, pickle.load(worker.stdout))
+    except (EOFError, OSError, ValueError, pickle.UnpicklingError):
+        return Ended(order, None, _how_it_ended(worker.wait()))
 
-    def end(self) -> None:
-        self.process.kill()
-        self.process.wait()
-        for pipe in (self.process.stdin, self.process.stdout):
-            assert pipe is not None
-            with contextlib.suppress(OSError):
-                pipe.close()
 
-    def _listen(self) -> None:
-        assert self.process.stdout is not None
-        with contextlib.suppress(EOFError, OSError, ValueError, pickle.UnpicklingError):
-            while True:
-                self._said.put((self, pickle.load(self.process.stdout)))
-        self._said.put((self, None))
+def _how_it_ended(code: int) -> str:
+    if code >= 0:
+        return f"its worker ended by itself, with code {code}"
+    name = signal.Signals(-code).name if -code in set(signal.Signals) else str(-code)
+    why = ": by a user, or by the system because memory ran out" if name == "SIGKILL" else ""
+    return f"its worker was killed ({name}{why})"

@@ -9,7 +9,6 @@ import base64
 import hashlib
 import json
 from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field
 from fnmatch import fnmatch
 from pathlib import Path
@@ -20,7 +19,7 @@ from automos.core.claims import MARK, RESULTS, claim, is_run_record, mark_of, re
 from automos.core.errors import InputError
 from automos.core.reading import parse_json, read_bytes
 from automos.core.workspace import COMPLETE, RESULT_FILES, RUN_FILE, Workspace
-from automos.fleet.storage import THREADS, Store, StoreError, is_url, shown
+from automos.fleet.storage import Store, StoreError, is_url, of_each, shown
 
 MARKER = COMPLETE
 _NOT_RESULTS = {"stages", "ledger", MARKER, MARK}
@@ -93,7 +92,7 @@ def require_ours(target: str) -> None:
         claim(Path(target), RESULTS)
         return
     store = Store(target)
-    theirs = next((path for path in sorted(entry.path for entry in store.entries()) if _is_like(path, _REPLACED)), None)
+    theirs = next((entry.path for entry in store.entries() if _is_like(entry.path, _REPLACED)), None)
     if theirs is not None and store.read(MARK) != mark_of(RESULTS).encode() and not _is_run(store.read(RUN_FILE)):
         raise InputError(f"{shown(target)} holds {theirs}, which automos did not write: choose another --out")
 
@@ -137,9 +136,8 @@ def publish(folder: Path, target: str, marker: Marker, source: str) -> None:
         for path in folder.rglob("*")
         if path.is_file() and path.relative_to(folder).parts[0] not in _NOT_RESULTS and not path.name.endswith(".part")
     )
-    with ThreadPoolExecutor(THREADS) as pool:
-        digests = dict(zip(paths, pool.map(lambda path: _digest(folder / path), paths), strict=True))
-    files = {path: {"bytes": digests[path]["bytes"], "sha256": digests[path]["sha256"]} for path in paths}
+    digests = dict(zip(paths, of_each(lambda path: _digest(folder / path), paths), strict=True))
+    files = {path: {"bytes": sent["bytes"], "sha256": sent["sha256"]} for path, sent in digests.items()}
     text = json.dumps(asdict(marker) | {"files": files}, indent=1)
     if not is_url(target):
         write_text(folder / MARKER, text)
@@ -147,11 +145,10 @@ def publish(folder: Path, target: str, marker: Marker, source: str) -> None:
     store = Store(target)
     store.remove([MARKER])
     store.write(MARK, mark_of(RESULTS).encode())  # first: by it what was left half way is known to be ours
-    with ThreadPoolExecutor(THREADS) as pool:
-        list(pool.map(lambda path: store.put(str(folder / path), path), paths))
+    of_each(lambda path: store.put(str(folder / path), path), paths)
     there = store.details()
-    for path in paths:
-        _check(store, path, there.get(path), digests[path])
+    for path, sent in digests.items():
+        _check(store, path, there.get(path), sent)
     store.remove([path for path in there if path not in files and _is_like(path, _LABELS)])
     store.write(MARKER, text.encode())
 

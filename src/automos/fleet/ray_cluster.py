@@ -8,7 +8,8 @@ from automos.core.errors import InputError, MissingExtraError
 from automos.core.extras import pip_install
 from automos.core.working_folder import SAFE_PATH, standing_elsewhere
 from automos.fleet.local_pool import Executor
-from automos.fleet.orders import Ended, Order, Report
+from automos.fleet.orders import Ended, Order
+from automos.fleet.units import work
 from automos.fleet.work_folder import thread_limits
 
 _log = logging.getLogger(__name__)
@@ -38,7 +39,7 @@ class RayCluster(Executor):
         except (ConnectionError, ValueError, RuntimeError, OSError) as error:
             raise InputError(f"no Ray cluster answers at {address} ({error}): start one: ray start --head") from None
         self._ray, self._memory = ray, memory
-        self._work = ray.remote(max_retries=0)(_work)
+        self._work = ray.remote(max_retries=0)(work)
         self._orders: dict[Any, Order] = {}
         super().__init__(1, 1, max_threads=1)
         self._count()
@@ -99,11 +100,4 @@ def _probe(address: str) -> None:
     """Raise OSError if nobody listens at a host:port; Ray itself would wait for minutes."""
     host, _, port = address.rpartition("//")[2].rpartition(":")
     if port.isdecimal():
-        with socket.create_connection((host, int(port)), timeout=10.0):
-            return
-
-
-def _work(order: Order) -> Report:
-    from automos.fleet.units import work
-
-    return work(order)
+        socket.create_connection((host, int(port)), timeout=10.0).close()

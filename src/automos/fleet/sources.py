@@ -10,12 +10,14 @@ from automos.core.errors import AutomosError, InputError
 from automos.core.reading import parse_url, read_text
 from automos.fleet.orders import Recording
 from automos.fleet.publishing import MARKER
-from automos.fleet.storage import Store, is_url, shown
+from automos.fleet.storage import Store, is_url, join, shown
 from automos.readers import LeftOutError, NoRecordingError, find_recordings, open_sequence
 from automos.readers.codecs import CODEC_OF_SUFFIX
 from automos.readers.files import natural_key
 from automos.readers.formats import CAPTURES
 
+Shard = tuple[int, int]
+"""i and n: every n-th recording from the i-th on, i from 0 to n - 1."""
 _LISTS = {".txt", ".list"}
 _LOGS = {".bag", ".mcap", *CAPTURES}
 _TEXT = {".txt", ".csv"}
@@ -59,7 +61,7 @@ def name_of(source: str) -> str:
     return path.stem if path.is_file() and path.suffix.lower() in _LISTS else path.name
 
 
-def alone(recordings: list[Recording], shard: tuple[int, int] | None, target: str | None = None) -> list[Recording]:
+def alone(recordings: list[Recording], shard: Shard | None, target: str | None = None) -> list[Recording]:
     """Return `recordings`; one that is all there is gets the run's folder for itself.
 
     Not where the run at path `target` had several, of which one is left: its results have a folder there.
@@ -80,15 +82,13 @@ def describe(recording: Recording) -> str:
         return str(error)
 
 
-def take_shard(recordings: list[Recording], shard: tuple[int, int] | None) -> list[Recording]:
-    """Return every n-th of `recordings` from the i-th on, for shard (i, n) with i from 0 to n - 1."""
-    if shard is None:
-        return recordings
-    return recordings[shard[0] :: shard[1]]
+def take_shard(recordings: list[Recording], shard: Shard | None) -> list[Recording]:
+    """Return those of `recordings` that are in a shard, all where there is none."""
+    return recordings if shard is None else recordings[shard[0] :: shard[1]]
 
 
-def parse_shard(text: str | None) -> tuple[int, int] | None:
-    """Return (i, n) of the text "i/n", i from 0 to n - 1.
+def parse_shard(text: str | None) -> Shard | None:
+    """Return (i, n) of the text "i/n".
 
     Raises
     ------
@@ -96,20 +96,18 @@ def parse_shard(text: str | None) -> tuple[int, int] | None:
     """
     if text is None:
         return None
-    first, _, second = text.partition("/")
-    if not (first.isdecimal() and second.isdecimal() and int(first) < int(second)):
+    found = re.fullmatch(r"(\d+)/(\d+)", text)
+    if found is None or int(found[1]) >= int(found[2]):
         raise InputError(f"--shard {text} is none: write i/n with i from 0 to n - 1, as 0/8 ... 7/8")
-    return int(first), int(second)
+    return int(found[1]), int(found[2])
 
 
 def _in_folder(path: Path, format: str | None) -> list[Path]:
     """Return the recordings of a folder, or of the folders in it."""
     try:
         return find_recordings(path, format)
-    except LeftOutError:
-        raise
-    except InputError:
-        if not path.is_dir():
+    except InputError as error:
+        if isinstance(error, LeftOutError) or not path.is_dir():
             raise
         inner = sorted((p for p in path.iterdir() if not p.name.startswith(".")), key=lambda p: natural_key(p.name))
         found = [recording for p in inner for recording in _recordings_at(p, format)]
@@ -166,9 +164,9 @@ def _in_store(url: str) -> list[str]:
             found["/".join(folders[: folders.index("velodyne")])] = None
         elif suffix in CODEC_OF_SUFFIX and suffix not in _TEXT and not _SIDE_FOLDERS & set(folders):
             found["/".join(folders)] = None
-    base, query = url.partition("?")[0].rstrip("/"), url.partition("?")[2]
-    urls = [f"{base}/{path}" if path else base for path in sorted(found, key=natural_key)] or [base]
-    return [f"{found_url}?{query}" if query else found_url for found_url in urls]
+    base, _, query = url.partition("?")
+    rest = f"?{query}" if query else ""
+    return [join(base, path) + rest for path in sorted(found, key=natural_key) or [""]]
 
 
 def _named(found: Iterable[str], format: str | None) -> list[Recording]:
@@ -179,16 +177,13 @@ def _named(found: Iterable[str], format: str | None) -> list[Recording]:
     while True:
         names = ["__".join(p[-n:]) for p, n in zip(parts, lengths, strict=True)]
         counts = Counter(names)
-        longer = [
-            n + 1 if counts[name] > 1 and n < len(p) else n for p, n, name in zip(parts, lengths, names, strict=True)
-        ]
-        if longer == lengths:
-            break
-        lengths = longer
-    if max(counts.values()) > 1:
-        twice = next(name for name, count in counts.items() if count > 1)
-        raise InputError(f"two recordings would both be named {twice}: label them into different --out folders")
-    return [Recording(name, source, format) for name, source in zip(names, sources, strict=True)]
+        twice = next((name for name, count in counts.items() if count > 1), None)
+        if twice is None:
+            return [Recording(name, source, format) for name, source in zip(names, sources, strict=True)]
+        before, wanted = lengths, [n + (counts[name] > 1) for n, name in zip(lengths, names, strict=True)]
+        lengths = [min(n, len(p)) for n, p in zip(wanted, parts, strict=True)]
+        if lengths == before:
+            raise InputError(f"two recordings would both be named {twice}: label them into different --out folders")
 
 
 def _parts(source: str) -> tuple[str, ...]:

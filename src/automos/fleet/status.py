@@ -193,11 +193,9 @@ def _read_books(path: Path) -> dict[str, list[dict[str, Any]]]:
 
 def _merged(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Return one row for each recording, in order of name: if several ledgers have it, the most advanced state."""
-    known = {"waiting": 0, "failed": 1, "running": 2, "done": 3}
-    best: dict[str, dict[str, Any]] = {}
-    for row in rows:
-        if row["name"] not in best or known[row["state"]] > known[best[row["name"]]["state"]]:
-            best[row["name"]] = row
+    states, best = ("done", "running", "failed", "waiting"), dict[str, dict[str, Any]]()
+    for row in sorted(rows, key=lambda row: states.index(row["state"])):
+        best.setdefault(row["name"], row)
     return [best[name] for name in sorted(best)]
 
 
@@ -208,10 +206,10 @@ def _books_of(target: str) -> Iterator[list[Path]]:
         yield sorted(Path(folder).glob("*.sqlite"))
         return
     with tempfile.TemporaryDirectory() as copies:
-        names = [entry.path for entry in Store(folder).entries() if entry.path.endswith(".sqlite")]
-        for name in names:
-            Store(folder).get(name, join(copies, name))
-        yield sorted(Path(copies) / name for name in names)
+        store = Store(folder)
+        for name in [entry.path for entry in store.entries() if entry.path.endswith(".sqlite")]:
+            store.get(name, join(copies, name))
+        yield sorted(Path(copies).iterdir())
 
 
 def _duration(seconds: float) -> str:

@@ -10,7 +10,7 @@ import hashlib
 import logging
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from operator import itemgetter
@@ -18,13 +18,15 @@ from typing import Any, TypeVar
 
 from automos.core.errors import AutomosError, InputError, MissingExtraError
 from automos.core.extras import pip_install
+from automos.core.parallel import map_in_order
 from automos.core.reading import parse_url
 
 _log = logging.getLogger(__name__)
+Item = TypeVar("Item")
 Found = TypeVar("Found")
 
 PATIENCE_S = 120.0
-THREADS = 8
+_THREADS = 8
 _LASTING = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM}
 _EXTRAS = {"gs": "gcs", "gcs": "gcs", "az": "azure", "abfs": "azure", "abfss": "azure"}
 
@@ -65,6 +67,11 @@ def key_of(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
+def of_each(action: Callable[[Item], Found], items: Iterable[Item]) -> list[Found]:
+    """Return action(item) for each of `items`, in order; several at a time, since what takes long is to wait."""
+    return list(map_in_order(action, items, _THREADS, threads=True))
+
+
 class Store:
     """The files below one path or URL."""
 
@@ -75,10 +82,8 @@ class Store:
 
     def entries(self) -> list[Entry]:
         """Return all files below, in order of their paths; one with an empty path where the URL is a file's."""
-        found = self.details().items()
-        return [
-            Entry(path, int(info.get("size") or 0), _version(info)) for path, info in sorted(found, key=itemgetter(0))
-        ]
+        found = sorted(self.details().items(), key=itemgetter(0))
+        return [Entry(path, int(info.get("size") or 0), _version(info)) for path, info in found]
 
     def some_entries(self) -> list[Entry]:
         """Return them; InputError where there are none."""
@@ -93,26 +98,25 @@ class Store:
 
     def get(self, path: str, local: str) -> None:
         """Copy a file to `local`."""
-        patiently(lambda: self._fs.get_file(self._at(path), local), f"reading {shown(join(self.url, path))}")
+        patiently(lambda: self._fs.get_file(join(self.root, path), local), f"reading {shown(join(self.url, path))}")
 
     def put(self, local: str, path: str) -> None:
         """Copy `local` to a file."""
-        patiently(lambda: self._fs.put_file(local, self._at(path)), f"writing {shown(join(self.url, path))}")
+        patiently(lambda: self._fs.put_file(local, join(self.root, path)), f"writing {shown(join(self.url, path))}")
 
     def read(self, path: str) -> bytes | None:
         """Return a file's contents, None if there is none."""
 
         def read() -> bytes | None:
-            try:
-                return bytes(self._fs.cat_file(self._at(path)))
-            except FileNotFoundError:
-                return None
+            with suppress(FileNotFoundError):
+                return bytes(self._fs.cat_file(join(self.root, path)))
+            return None
 
         return patiently(read, f"reading {shown(join(self.url, path))}")
 
     def write(self, path: str, contents: bytes) -> None:
         """Write a file."""
-        patiently(lambda: self._fs.pipe_file(self._at(path), contents), f"writing {shown(join(self.url, path))}")
+        patiently(lambda: self._fs.pipe_file(join(self.root, path), contents), f"writing {shown(join(self.url, path))}")
 
     def remove(self, paths: list[str]) -> None:
         """Remove files; those that are not there do not matter."""
@@ -120,12 +124,9 @@ class Store:
         def remove() -> None:
             for path in paths:
                 with suppress(FileNotFoundError):
-                    self._fs.rm_file(self._at(path))
+                    self._fs.rm_file(join(self.root, path))
 
         patiently(remove, f"removing from {shown(self.url)}")
-
-    def _at(self, path: str) -> str:
-        return f"{self.root.rstrip('/')}/{path}" if path else self.root
 
     def _find(self) -> dict[str, dict[str, Any]]:
         self._fs.invalidate_cache()
@@ -192,18 +193,15 @@ def _open(url: str) -> tuple[Any, str]:
     except ImportError:
         raise MissingExtraError(f"reading from stores needs fsspec; run: {pip_install('scale')}") from None
     scheme = url.partition("://")[0] if is_url(url) else "file"
-    options: dict[str, Any] = {}
-    if scheme in ("s3", "s3a"):
-        retries = {"max_attempts": 3, "mode": "standard"}
-        options = {"config_kwargs": {"connect_timeout": 10, "read_timeout": 30, "retries": retries}}
+    retries = {"max_attempts": 3, "mode": "standard"}
+    of_s3: dict[str, Any] = {"config_kwargs": {"connect_timeout": 10, "read_timeout": 30, "retries": retries}}
     try:
-        fs, root = fsspec.url_to_fs(url, **options)
+        return fsspec.url_to_fs(url, **(of_s3 if scheme in ("s3", "s3a") else {}))
     except ImportError:
         extra = _EXTRAS.get(scheme, "scale")
         raise MissingExtraError(f"{scheme}:// needs another package; run: {pip_install(extra)}") from None
     except ValueError as error:
         raise InputError(f"{shown(url)} cannot be opened: {_reason(error)}") from None
-    return fs, root
 
 
 def _version(info: dict[str, Any]) -> str:

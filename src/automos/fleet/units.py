@@ -9,8 +9,7 @@ everything made: a recording that was cut has the same results, byte for byte, a
 import shutil
 import time
 import traceback
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -49,13 +48,8 @@ def work(order: Order) -> Report:
     except Exception as error:
         message = f"{type(error).__name__}: {error}"
         report = Report(State.FAILED, f"{message}; this is a bug of automos, its place is in the ledger", _trace())
-    return replace(
-        report,
-        seconds=time.perf_counter() - start,
-        cpu_seconds=cpu_seconds() - cpu,
-        peak_mb=peak_megabytes(),
-        place=place(),
-    )
+    seconds, cpu = time.perf_counter() - start, cpu_seconds() - cpu
+    return replace(report, seconds=seconds, cpu_seconds=cpu, peak_mb=peak_megabytes(), place=place())
 
 
 def settings_key(settings: Settings) -> str:
@@ -78,20 +72,20 @@ def _do(order: Order, cache: Cache) -> Report:
     marked = _finished(job, recording, stamp) if order.unit.kind is Kind.START else None
     if marked is not None and stamp is not None:  # known without fetching it
         return _report_of(marked, is_fresh=False)
-    with _at_hand(recording, cache) as sequence:
+    at_hand = cache.copy_of(recording.source) if is_url(recording.source) else nullcontext(recording.source)
+    with at_hand as path:
+        sequence = open_sequence(path, recording.format)
         stamp = stamp or sequence.fingerprint()
         if marked is not None and marked.source == stamp:
             return _report_of(marked, is_fresh=False)
+        is_whole = order.unit.kind is Kind.RESULTS
         if order.unit.kind is Kind.START:
             require_ours(recording.target(job.target))
             poses = given_poses(sequence, job.pose_file, job.calib_file)
             require_same_poses(results_folder(job, recording), poses, job.overwrite)
             withdraw(recording.target(job.target))
-            if len(sequence) <= 2 * job.chunk or job.settings.candidates.method not in CUTTABLE:
-                return _finish(order, sequence, stamp)
-        elif order.unit.kind is Kind.RESULTS:
-            return _finish(order, sequence, stamp)
-        return _part(order, sequence)
+            is_whole = len(sequence) <= 2 * job.chunk or job.settings.candidates.method not in CUTTABLE
+        return _finish(order, sequence, stamp) if is_whole else _part(order, sequence)
 
 
 def _finished(job: Job, recording: Recording, stamp: str | None) -> Marker | None:
@@ -110,15 +104,6 @@ def _made_with(job: Job) -> str:
     """Return what the marker says of the settings: others where poses were given, which runs without do not want."""
     key = settings_key(job.settings)
     return key if job.pose_file is None else fingerprint(key, "given poses")
-
-
-@contextmanager
-def _at_hand(recording: Recording, cache: Cache) -> Iterator[Sequence]:
-    if not is_url(recording.source):
-        yield open_sequence(recording.source, recording.format)
-        return
-    with cache.copy_of(recording.source) as path:
-        yield open_sequence(path, recording.format)
 
 
 def _part(order: Order, sequence: Sequence) -> Report:
@@ -143,24 +128,11 @@ def _finish(order: Order, sequence: Sequence, stamp: str) -> Report:
     """Label what is not labelled yet, write the results, and publish them."""
     job, recording = order.job, order.recording
     folder = results_folder(job, recording)
-    run = label_recording(
-        sequence,
-        folder,
-        job.settings,
-        job.pose_file,
-        job.calib_file,
-        order.threads,
-        waits=True,
-        overwrite=job.overwrite,
-    )
-    counts = {"scans": run["recording"]["scans"], "points": sum(run["points"].values())}
-    marker = Marker(
-        source=stamp,
-        settings=_made_with(job),
-        fingerprint=run["fingerprint"],
-        counts={**counts, "moving": run["points"]["moving"]},
-        warnings=tuple(sentences_of(run)),
-    )
+    how = (job.settings, job.pose_file, job.calib_file, order.threads)
+    run = label_recording(sequence, folder, *how, waits=True, overwrite=job.overwrite)
+    scans, points = run["recording"]["scans"], run["points"]
+    counts = {"scans": scans, "points": sum(points.values()), "moving": points["moving"]}
+    marker = Marker(stamp, _made_with(job), run["fingerprint"], counts, tuple(sentences_of(run)))
     publish(folder, recording.target(job.target), marker, recording.source)
     if is_url(job.target):
         shutil.rmtree(folder, ignore_errors=True)

@@ -148,17 +148,12 @@ class Replay(Feed):
 
     def receive(self) -> None:
         """Put in every scan when its time has come and the one before was taken: a file waits, as no sensor does."""
-        stamps = self._sequence.stamps
-        begin, first = time.monotonic(), None
-        for i, name in enumerate(self._sequence.names):
+        names, stamps, begin = self._sequence.names, self._sequence.stamps, time.monotonic()
+        for i, name in enumerate(names):
             scan = self._sequence[i]
-            stamp = USUAL_PERIOD * i if stamps is None else float(stamps[i])
-            first = stamp if first is None else first
-            if self._speed > 0.0:
-                due = begin + (stamp - first) / self._speed
-                if self._stop.wait(max(due - time.monotonic(), 0.0)):
-                    return
-            if self._stop.is_set():
+            stamp = None if stamps is None else float(stamps[i])
+            passed = USUAL_PERIOD * i if stamps is None else float(stamps[i] - stamps[0])
+            due = begin + passed / self._speed if self._speed else begin
+            if self._stop.wait(max(due - time.monotonic(), 0.0)):
                 return
-            known = None if stamps is None else stamp
-            self.latest.put(replace(scan, stamp=known, name=name), wait=True)
+            self.latest.put(replace(scan, stamp=stamp, name=name), wait=True)

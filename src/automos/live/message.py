@@ -62,9 +62,7 @@ class Message:
 
 def encode(scan: LabelledScan) -> bytes:
     """Return the datagram of a labelled scan."""
-    objects = np.zeros(min(len(scan.objects), 1000), OBJECT)
-    for name in OBJECT.names or ():
-        objects[name] = scan.objects[name][: len(objects)]
+    objects = scan.objects[list(OBJECT.names or ())][:1000].astype(OBJECT)
     labels = zlib.compress(np.ascontiguousarray(scan.labels, np.uint8).tobytes(), 1)
     if HEADER.itemsize + objects.nbytes + len(labels) > LARGEST:
         labels = b""
@@ -89,8 +87,9 @@ def decode(data: bytes) -> Message:
     if header["version"] != VERSION:
         raise InputError(f"this message is of version {header['version']}, {VERSION} is read: use one version")
     begin = HEADER.itemsize + OBJECT.itemsize * int(header["objects"])
-    if len(data) != begin + int(header["label_bytes"]):
-        raise InputError(f"this message was {begin + int(header['label_bytes'])} bytes, {len(data)} of which came")
+    whole = begin + int(header["label_bytes"])
+    if len(data) != whole:
+        raise InputError(f"this message was {whole} bytes, {len(data)} of which came")
     pose = np.eye(4)
     pose[:3] = header["pose"]
     objects = np.frombuffer(data, OBJECT, int(header["objects"]), HEADER.itemsize)

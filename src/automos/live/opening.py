@@ -54,16 +54,12 @@ class OusterAssembler:
     def add(self, payloads: list[bytes], seconds: list[float]) -> tuple[list[Scan], int]:
         """Take packets and when each came; return the scans they complete, and how many were no such packets."""
         scans: list[Scan] = []
-        n_foreign = 0
-        for payload, moment in zip(payloads, seconds, strict=True):
-            packet = self._packet(payload, moment)
-            if packet is None:
-                n_foreign += 1
-                continue
+        own = [packet for packet in map(self._packet, payloads, seconds) if packet is not None]
+        for packet in own:
             if self._batch(packet, self._frame):  # the packet is of the next frame already, and kept for it
                 scans += self._finish()
             self._has_begun = True
-        return scans, n_foreign
+        return scans, len(payloads) - len(own)
 
     def rest(self) -> list[Scan]:
         """Return the scan that was begun, if there is one."""
@@ -120,8 +116,7 @@ class VelodyneAssembler:
         self._learn(packets)
         is_first, stamps = self._cutter.cut(packets)
         scans = []
-        bounds = [0, *np.flatnonzero(is_first).tolist(), len(packets)]
-        for a, b in pairwise(bounds):
+        for a, b in pairwise([0, *np.flatnonzero(is_first).tolist(), len(packets)]):
             if is_first[a]:
                 scans += self.rest()
                 self._stamp = float(stamps[a])
@@ -143,14 +138,13 @@ class VelodyneAssembler:
 
     def _learn(self, packets: Datagrams) -> None:
         """Keep the packets that contain the model, and of an HDL-64E its calibration."""
-        wanted = CALIBRATION if self._sends_calibration else MODEL_PACKETS
         for payload in packets.payloads:
-            if len(self._first) < wanted:
-                self._first.append(payload.tobytes())
-                if len(self._first) == MODEL_PACKETS:
-                    self._sends_calibration = tells_calibration(self._first)
-                    wanted = CALIBRATION if self._sends_calibration else MODEL_PACKETS
-                    self._decoder = VelodyneDecoder(self._first, "what comes")
+            if len(self._first) >= (CALIBRATION if self._sends_calibration else MODEL_PACKETS):
+                return
+            self._first.append(payload.tobytes())
+            if len(self._first) == MODEL_PACKETS:
+                self._sends_calibration = tells_calibration(self._first)
+                self._decoder = VelodyneDecoder(self._first, "what comes")
 
 
 def open_feed(
@@ -174,12 +168,12 @@ def open_feed(
     if sensor == "velodyne":
         import_extra("velodyne_decoder", "velodyne")
         return UdpFeed(host, port, VelodyneAssembler(), patience)
-    if sensor == "ouster":
-        if metadata is None:
-            raise InputError(
-                "packets of an Ouster need its metadata: save http://SENSOR/api/v1/sensor/metadata to a file and give "
-                "it, --metadata FILE"
-            )
-        return UdpFeed(host, port, OusterAssembler(metadata), patience)
-    wanted = "" if sensor is None else f", not {sensor}"
-    raise InputError(f"whose packets come to {source}? give --sensor velodyne or --sensor ouster{wanted}")
+    if sensor != "ouster":
+        wanted = "" if sensor is None else f", not {sensor}"
+        raise InputError(f"whose packets come to {source}? give --sensor velodyne or --sensor ouster{wanted}")
+    if metadata is None:
+        raise InputError(
+            "packets of an Ouster need its metadata: save http://SENSOR/api/v1/sensor/metadata to a file and give "
+            "it, --metadata FILE"
+        )
+    return UdpFeed(host, port, OusterAssembler(metadata), patience)

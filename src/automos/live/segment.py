@@ -53,10 +53,8 @@ def segment_recording(
                 progress("segment", i + 1, len(sequence))
         for given in labeler.finish():
             writer.write(given)
-        spent = {
-            "median": round(float(np.median(milliseconds)), 2),
-            "p99": round(float(np.percentile(milliseconds, 99)), 2),
-        }
+        median, p99 = np.percentile(milliseconds, [50, 99]).round(2).tolist()
+        spent = {"median": median, "p99": p99}
         return writer.finish({"recording": about(sequence), "lag_seconds": lag, "milliseconds": {"all": spent}})
 
 
@@ -87,12 +85,9 @@ class ResultsWriter:
     def write(self, given: LabelledScan) -> None:
         """Write one scan; call in the order of the scans."""
         name = f"{given.index:06d}" if self._names is None else self._names[given.index]
-        output = self._settings.output
-        track_ids, confidence = given.track_ids, given.confidence
-        write_points(
-            self._folder, name, given.labels, track_ids if output.track_ids else None,
-            confidence if output.confidence else None,
-        )  # fmt: skip
+        output, track_ids, confidence = self._settings.output, given.track_ids, given.confidence
+        kept = track_ids if output.track_ids else None, confidence if output.confidence else None
+        write_points(self._folder, name, given.labels, *kept)
         count_points(self._counts, given.labels)
         for row in given.objects:
             track = int(row["track"])
@@ -106,15 +101,14 @@ class ResultsWriter:
 
     def finish(self, note: dict[str, Any]) -> dict[str, Any]:
         """Write the results of all scans, and run.json including `note`; return its contents."""
-        folder = self._folder
         T_level_sensor = np.array(self._poses).reshape(-1, 4, 4)
         T_level_world = T_level_sensor[0] if len(T_level_sensor) else np.eye(4)
         poses, stamps = inverse(T_level_world) @ T_level_sensor, np.array(self._stamps)
         trajectory = Trajectory(poses, stamps, np.zeros((len(poses), 6)), SweepTiming(), T_level_world)
-        write_tables(folder, trajectory, self._settings, self._written, self._entries())
+        write_tables(self._folder, trajectory, self._settings, self._written, self._entries())
         tracks = {"total": len(self._objects), "moving": len(self._objects)}
         run = {**note, "points": self._counts, "tracks": tracks, "versions": {"automos": __version__}}
-        write_text(folder / RUN_FILE, json.dumps(run, indent=1))
+        write_text(self._folder / RUN_FILE, json.dumps(run, indent=1))
         return run
 
     def _entries(self) -> Iterator[dict[str, Any]]:

@@ -24,6 +24,13 @@ from automos.live.feed import Feed
 from automos.readers.columns import to_scan
 from automos.readers.point_cloud2 import read_columns
 
+_log = logging.getLogger(__name__)
+
+TOPIC = "points"
+LOOK = 0.5
+"""Seconds between two looks at who publishes."""
+SILENCE = 5.0
+"""Seconds without a cloud, though somebody publishes, after which a warning says so."""
 FIELD = "moving"
 STATIC, MOVING, UNKNOWN = 0, 1, 2
 """What the field says: a point that is not known may come to move, or has no return."""
@@ -85,27 +92,6 @@ def _body(rows: npt.NDArray[np.uint8], height: int, width: int) -> Body:
     return Body(int(height), int(width), rows.shape[1], int(width) * rows.shape[1], data)
 
 
-_log = logging.getLogger(__name__)
-
-TOPIC = "points"
-LOOK = 0.5
-"""Seconds between two looks at who publishes."""
-SILENCE = 5.0
-"""Seconds without a cloud, though somebody publishes, after which a warning says so."""
-
-
-def import_ros() -> Any:
-    """Return rclpy; MissingExtraError where the Python that runs has no ROS 2."""
-    try:
-        import rclpy
-    except ImportError:
-        raise MissingExtraError(
-            "rclpy is not there: source ROS 2 (source /opt/ros/DISTRO/setup.bash) and install automos for that very "
-            "Python (python3 -m venv --system-site-packages ENV)"
-        ) from None
-    return rclpy
-
-
 class RosFeed(Feed):
     """Clouds of topic `points`, as scans; where labelling is slower than they come, only the latest is kept.
 
@@ -125,9 +111,14 @@ class RosFeed(Feed):
         InputError : ROS refuses the arguments.
         """
         super().__init__()
-        rclpy = import_ros()
-        from rclpy.signals import SignalHandlerOptions
-
+        try:
+            import rclpy
+            from rclpy.signals import SignalHandlerOptions
+        except ImportError:
+            raise MissingExtraError(
+                "rclpy is not there: source ROS 2 (source /opt/ros/DISTRO/setup.bash) and install automos for that "
+                "very Python (python3 -m venv --system-site-packages ENV)"
+            ) from None
         self._context = rclpy.Context()
         try:  # Ctrl-C is ours: what was pushed is still given back
             rclpy.init(

@@ -56,22 +56,24 @@ class Publisher:
 
     def __call__(self, scan: Scan, given: LabelledScan) -> None:
         """Publish one scan."""
+        from std_msgs.msg import Header
+
         message = self._feed.message(scan.name)
-        header = message.header
         self._labelled.publish(_changed(message, with_field(message, given.labels), is_wider=True))
         self._static.publish(_changed(message, with_rows(message, given.labels == Label.STATIC)))
-        frame, pose = header.frame_id, given.pose
+        frame, pose = message.header.frame_id, given.pose
         if self._mounts is not None and self._base_frame != frame:
             mount = self._mount(frame)
             if mount is None:
                 return
             frame, pose = self._base_frame, of_base(given.pose, mount)
-        self._odometry.publish(_odometry(header.stamp, self._odom_frame, frame, pose))
+        header = Header(stamp=message.header.stamp, frame_id=self._odom_frame)
+        self._odometry.publish(_odometry(header, frame, pose))
         if self._tf is not None:
-            self._tf.publish(_transform(header.stamp, self._odom_frame, frame, pose))
-        self._boxes.publish(_markers(header.stamp, self._odom_frame, given.objects))
+            self._tf.publish(_transform(header, frame, pose))
+        self._boxes.publish(_markers(header, given.objects))
         if self._detections is not None:
-            self._detections.publish(_detections(header.stamp, self._odom_frame, given.objects))
+            self._detections.publish(_detections(header, given.objects))
 
     def _mount(self, frame: str) -> Pose | None:
         """Return (4, 4) where the LiDAR sits on the base, None while nobody says so."""
@@ -126,34 +128,30 @@ def _fill(pose: Any, T: Pose, position: str, rotation: str) -> None:
         setattr(getattr(pose, rotation), part, value)
 
 
-def _odometry(stamp: Any, frame: str, child: str, T: Pose) -> Any:
+def _odometry(header: Any, child: str, T: Pose) -> Any:
     from nav_msgs.msg import Odometry
 
-    message = Odometry(child_frame_id=child)
-    message.header.stamp, message.header.frame_id = stamp, frame
+    message = Odometry(header=header, child_frame_id=child)
     _fill(message.pose.pose, T, "position", "orientation")
     return message
 
 
-def _transform(stamp: Any, frame: str, child: str, T: Pose) -> Any:
+def _transform(header: Any, child: str, T: Pose) -> Any:
     from geometry_msgs.msg import TransformStamped
 
-    message = TransformStamped(child_frame_id=child)
-    message.header.stamp, message.header.frame_id = stamp, frame
+    message = TransformStamped(header=header, child_frame_id=child)
     _fill(message.transform, T, "translation", "rotation")
     return _required("tf2_msgs.msg").TFMessage(transforms=[message])
 
 
-def _markers(stamp: Any, frame: str, objects: npt.NDArray) -> Any:
+def _markers(header: Any, objects: npt.NDArray) -> Any:
     """Return a cube for each object, after what removes those of the scan before."""
     from visualization_msgs.msg import Marker, MarkerArray
 
-    nothing = Marker(action=Marker.DELETEALL)
-    nothing.header.stamp, nothing.header.frame_id = stamp, frame
-    markers = [nothing]
+    markers = [Marker(header=header, action=Marker.DELETEALL)]
     for thing in objects:
-        marker = Marker(ns="moving", id=int(thing["track"]) & 0x7FFFFFFF, type=Marker.CUBE, action=Marker.ADD)
-        marker.header = nothing.header
+        track = int(thing["track"]) & 0x7FFFFFFF
+        marker = Marker(header=header, ns="moving", id=track, type=Marker.CUBE, action=Marker.ADD)
         _fill_box(marker.pose, marker.scale, thing)
         marker.color.r, marker.color.g, marker.color.b, marker.color.a = RED
         markers.append(marker)
@@ -177,13 +175,12 @@ def _detections_publisher(node: Any, quality: Any) -> Any:
     return node.create_publisher(Detection3DArray, "~/detections", quality)
 
 
-def _detections(stamp: Any, frame: str, objects: npt.NDArray) -> Any:
+def _detections(header: Any, objects: npt.NDArray) -> Any:
     from vision_msgs.msg import Detection3D, Detection3DArray
 
-    message = Detection3DArray()
-    message.header.stamp, message.header.frame_id = stamp, frame
+    message = Detection3DArray(header=header)
     for thing in objects:
-        found = Detection3D(header=message.header, id=str(thing["track"]))
+        found = Detection3D(header=header, id=str(thing["track"]))
         _fill_box(found.bbox.center, found.bbox.size, thing)
         message.detections.append(found)
     return message
