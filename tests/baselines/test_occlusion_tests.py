@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from automos.baselines.depth_images import Window, agrees, direction_of, draw, is_even, stack, surface_at
-from automos.baselines.m_detector import KITTI, _Tests, complete_clusters
+from automos.baselines.m_detector import KITTI, complete_clusters, find_events
 from automos.baselines.range_image import image_shape
 from automos.core.scan import Frame
 
@@ -29,7 +29,7 @@ def events(points, past):
     """Return which of `points`, seen now, are events against the scans `past`, each 0.1 s older than the one before."""
     images = [image(was, -0.1 * i) for i, was in enumerate(past, start=1)]
     frame = Frame(points, np.arange(len(points)), len(points), HERE, 0.0)
-    return _Tests(KITTI, SHAPE).find_events(frame, 0.0, images)
+    return find_events(frame, 0.0, images, KITTI, SHAPE)
 
 
 def test_what_lies_around_a_direction_is_found_across_the_seam():

@@ -48,23 +48,23 @@ def _baselines(points: np.ndarray) -> None:
 
 def _occlusion(points: np.ndarray) -> None:
     ordinary = np.random.default_rng(0).normal(0.0, (8.0, 8.0, 1.0), (60, 3)).astype(np.float32)
-    tests = m_detector._Tests(m_detector.KITTI, range_image.image_shape(2.0, 4.0, -60.0, 60.0))
+    about, shape = m_detector.KITTI, range_image.image_shape(2.0, 4.0, -60.0, 60.0)
     hostile_T = np.vstack([np.resize(points, (3, 4)), [0.0, 0.0, 0.0, 1.0]])
     for cloud, T in ((points, np.eye(4)), (ordinary, np.eye(4)), (ordinary, hostile_T)):
         there = T[:3].astype(np.float32)
         for shares in ((0.8, 0.6), (2.0, 1.8)):  # what went away, and what is hidden now
             images = [
-                depth_images.draw(each, np.arange(len(each)) % 5 == 4, T, -0.1 * i, tests._shape)
+                depth_images.draw(each, np.arange(len(each)) % 5 == 4, T, -0.1 * i, shape)
                 for i, each in enumerate([cloud * np.float32(shares[0]), cloud * np.float32(shares[1]), points])
             ]
             for stamp in (0.1, 0.0):  # at the same time as the newest: no speed
-                tests.find_events(make_frame(cloud), stamp, images)
+                m_detector.find_events(make_frame(cloud), stamp, images, about, shape)
             past, asked = depth_images.stack(images[:2]), np.ones(len(cloud), bool)
-            crossing = tests._crossing._replace(images=1)
-            occlusion_tests.find_crossing(cloud, asked, np.stack([there] * 2), past, crossing, tests._shape)
-            for case in tests._along:
+            crossing = about.crossing._replace(images=1)
+            occlusion_tests.find_crossing(cloud, asked, np.stack([there] * 2), past, crossing, shape)
+            for case in (about.away, about.nearer):
                 far = case._replace(depth=0.0, share=0.0, reach=1e30, max_acceleration=1e30)
-                along = (cloud, asked, there[None], there, np.array([0.1, 0.1]), past, past, far, tests._shape)
+                along = (cloud, asked, there[None], there, np.array([0.1, 0.1]), past, past, far, shape)
                 occlusion_tests.find_along_ray(*along)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.baselines.brick_grid import BrickGrid
-from automos.core.scan import Frame, Frames, Mask
+from automos.core.scan import Frame, Frames, Mask, Pose
 from automos.core.voxels import VoxelMap
 
 
@@ -77,15 +77,28 @@ def tiled(origins: npt.NDArray, size: BatchSize) -> list[Batch]:
     return batches
 
 
+def body_of(frames: Frames) -> Pose:
+    """Return T_body_sensor: z up at the sensor's mount, the ground under the vehicle at z = 0."""
+    T_body_sensor = frames.T_level_sensor[0].copy()
+    T_body_sensor[:2, 3] = 0.0
+    return T_body_sensor
+
+
 def is_within(frame: Frame, max_range: float, min_range: float = 0.0) -> Mask:
     """Return (M,) bool: which points of `frame` are between the ranges, metres from the sensor."""
     squared = np.einsum("ij,ij->i", frame.points, frame.points)
     return (squared <= max_range**2) & (squared >= min_range**2)
 
 
-def add_points(voxels: BrickGrid | VoxelMap, frame: Frame, max_range: float) -> npt.NDArray[np.int32]:
-    """Add the points of `frame` up to `max_range`, metres; return (M,) int32, the voxel of each, -1 beyond."""
-    used = is_within(frame, max_range)
+def add_points(
+    voxels: BrickGrid | VoxelMap, frame: Frame, max_range: float, min_range: float = 0.0
+) -> npt.NDArray[np.int32]:
+    """Add the points of `frame` between the ranges, metres; return (M,) int32, the voxel of each, -1 for others."""
+    return add_used(voxels, frame, is_within(frame, max_range, min_range))
+
+
+def add_used(voxels: BrickGrid | VoxelMap, frame: Frame, used: Mask) -> npt.NDArray[np.int32]:
+    """Add the points of `frame` that are `used` (M,); return (M,) int32, the voxel of each, -1 for others."""
     ids = np.full(len(used), -1, np.int32)
     ids[used] = voxels.add(frame.points_level[used])
     return ids

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from automos.baselines.range_image import NOTHING, ImageShape, pixel_of
+from automos.baselines.range_image import ImageShape, moved, nearest_ranges, pixel_of, shortest_around
 from automos.core.cells import turn_of, whole_below
 from automos.core.kernels import kernel
 from automos.core.scan import Mask, Pose
@@ -56,7 +56,8 @@ class Window(NamedTuple):
 
 def draw(points: npt.NDArray, is_moving: Mask, pose: Pose, stamp: float, shape: ImageShape) -> DepthImage:
     """Return the depth image of `points` (M, 3), sensor frame; those outside `shape` are left out."""
-    return DepthImage(pose, stamp, *_sort_into_pixels(points, is_moving, shape))
+    start, rays = _sort_into_pixels(points, is_moving, shape)
+    return DepthImage(pose, stamp, start, rays, shortest_around(nearest_ranges(points, shape), 1, 1))
 
 
 def stack(images: list[DepthImage]) -> Stack:
@@ -72,17 +73,14 @@ def stack(images: list[DepthImage]) -> Stack:
 
 @kernel
 def _sort_into_pixels(points, is_moving, shape):  # type: ignore[no-untyped-def]
-    h, w = shape.rows, shape.columns
     pixel = np.full(len(points), -1, np.int32)
-    start = np.zeros(h * w + 1, np.int32)
-    alone, nearest = np.full((h, w), NOTHING), np.full((h, w), NOTHING)
+    start = np.zeros(shape.rows * shape.columns + 1, np.int32)
     for i in range(len(points)):
-        v, u, r = pixel_of(points[i, 0], points[i, 1], points[i, 2], shape)
+        v, u, _ = pixel_of(points[i, 0], points[i, 1], points[i, 2], shape)
         if v >= 0:
-            pixel[i] = v * w + u
+            pixel[i] = v * shape.columns + u
             start[pixel[i] + 1] += 1
-            alone[v, u] = min(alone[v, u], r)
-    for p in range(h * w):
+    for p in range(len(start) - 1):
         start[p + 1] += start[p]
     rays, free = np.empty((start[-1], 4), np.float32), start.copy()
     for i in range(len(points)):
@@ -91,12 +89,7 @@ def _sort_into_pixels(points, is_moving, shape):  # type: ignore[no-untyped-def]
             free[pixel[i]] += 1
             rays[k, 0], rays[k, 1], rays[k, 2] = direction_of(points[i, 0], points[i, 1], points[i, 2])
             rays[k, 3] = 1.0 if is_moving[i] else 0.0
-    for v in range(h):
-        for u in range(w):
-            for b in range(max(v - 1, 0), min(v + 2, h)):
-                for a in range(u - 1, u + 2):
-                    nearest[v, u] = min(nearest[v, u], alone[b, a % w])
-    return start, rays, nearest
+    return start, rays
 
 
 @kernel
@@ -114,11 +107,7 @@ def direction_of(x, y, z):  # type: ignore[no-untyped-def]
 @kernel
 def seen_from(T, x, y, z):  # type: ignore[no-untyped-def]
     """Return the direction (`direction_of`) of a point from where `T` (3, 4) float32 leads to."""
-    return direction_of(
-        T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3],
-        T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3],
-        T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3],
-    )
+    return direction_of(*moved(T, x, y, z))
 
 
 @kernel

@@ -11,12 +11,12 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from automos.baselines.batches import BATCH, BatchSize, cut_batches
+from automos.baselines.batches import BATCH, BatchSize, add_used, body_of, cut_batches, labels_of_voxels
 from automos.baselines.erasor_bins import compare_bins
 from automos.core.geometry import inverse, transform
-from automos.core.kernels import kernel
-from automos.core.scan import Frames, Mask
+from automos.core.scan import Frame, Frames, Mask
 from automos.core.voxels import VoxelMap
 
 
@@ -84,18 +84,9 @@ def clean_submap(frames: Frames, submap: range, own: range, parameters: Paramete
 
     submap : range, the frames that make the map and are compared with it.
     """
-    # z up at the sensor's mount, ground under the vehicle at z = 0, so heights are above that ground.
-    T_body_sensor = frames.T_level_sensor[0].copy()
-    T_body_sensor[:2, 3] = 0.0
+    T_body_sensor = body_of(frames)
     voxels = VoxelMap(parameters.voxel, frames.T_level_sensor[submap[0], :3, 3])
-    ids_of = []
-    for k in submap:
-        frame = frames[k]
-        ids = np.full(len(frame.points), -1, np.int32)
-        is_outside = np.einsum("ij,ij->i", frame.points[:, :2], frame.points[:, :2]) > parameters.ego_radius**2
-        ids[is_outside] = voxels.add(frame.points_level[is_outside])
-        ids_of.append(ids)
-
+    ids_of = [_add_beside_body(voxels, frames[k], parameters.ego_radius) for k in submap]
     mean = voxels.mean
     is_alive = np.ones(len(mean), bool)
     was_scanned = np.full(len(mean), -1, np.int32)
@@ -114,20 +105,16 @@ def clean_submap(frames: Frames, submap: range, own: range, parameters: Paramete
             parameters,
         )
     for k in own:
-        ids = ids_of[k - submap[0]]
-        is_removed = (ids >= 0) & ~np.append(is_alive, True)[ids]  # id -1 reads the True at the end
-        if k in rejected:
-            is_removed |= rejected[k]
-        yield is_removed
+        yield labels_of_voxels(ids_of[k - submap[0]], ~is_alive) | rejected.get(k, False)
 
 
-@kernel
-def _voxels_near(mean, origin, max_range):  # type: ignore[no-untyped-def]
-    near = np.empty(len(mean), np.int64)
-    n = 0
-    for v in range(len(mean)):
-        dx, dy = mean[v, 0] - origin[0], mean[v, 1] - origin[1]
-        if dx * dx + dy * dy <= max_range * max_range:
-            near[n] = v
-            n += 1
-    return near[:n]
+def _add_beside_body(voxels: VoxelMap, frame: Frame, ego_radius: float) -> npt.NDArray[np.int32]:
+    level = frame.points[:, :2]
+    return add_used(voxels, frame, np.einsum("ij,ij->i", level, level) > ego_radius**2)
+
+
+def _voxels_near(
+    mean: npt.NDArray[np.float32], origin: npt.NDArray[np.float32], max_range: np.float32
+) -> npt.NDArray[np.int64]:
+    x, y = mean[:, 0] - origin[0], mean[:, 1] - origin[1]
+    return np.flatnonzero(x * x + y * y <= max_range * max_range)

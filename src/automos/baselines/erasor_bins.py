@@ -3,9 +3,13 @@
 A bin is a few metres wide, so a plane fits its ground, unlike that of the whole scene.
 """
 
+from typing import Any, NamedTuple
+
 import numpy as np
+import numpy.typing as npt
 
 from automos.core.kernels import kernel
+from automos.core.scan import Mask
 
 
 @kernel
@@ -16,44 +20,25 @@ def fit_region_ground(points, seed_height, n_skipped, n_lowest, n_iterations, di
     the `n_skipped` very lowest. Then a plane is fitted `n_iterations` times; the next seeds are the points nearer than
     `distance` to it or below it. The normal is oriented upwards; its sign is arbitrary in the released code.
     """
-    n = len(points)
-    is_ground = np.zeros(n, np.bool_)
-    order = np.argsort(points[:, 2])
-    skipped = min(n_skipped, max(n - 1, 0))
-    last = min(skipped + n_lowest, n)
-    lowest = 0.0
-    for k in range(skipped, last):
-        lowest += points[order[k], 2]
-    lowest /= last - skipped
-    for i in range(n):
-        is_ground[i] = points[i, 2] < lowest + seed_height
+    skipped = min(n_skipped, max(len(points) - 1, 0))
+    lowest = np.sort(points[:, 2])[skipped : skipped + n_lowest].astype(np.float64).mean()
+    is_ground = points[:, 2] < lowest + seed_height
     for _ in range(n_iterations):
-        m = 0
-        mean = np.zeros(3)
-        for i in range(n):
-            if is_ground[i]:
-                m += 1
-                for a in range(3):
-                    mean[a] += points[i, a]
-        if m < 3:
+        ground = points[is_ground].astype(np.float64)
+        if len(ground) < 3:
             break
-        mean /= m
-        covariance = np.zeros((3, 3))
-        for i in range(n):
-            if is_ground[i]:
-                for a in range(3):
-                    for c in range(3):
-                        covariance[a, c] += (points[i, a] - mean[a]) * (points[i, c] - mean[c])
+        mean = np.array([ground[:, a].mean() for a in range(3)])
+        away, covariance = ground - mean, np.empty((3, 3))
+        for a in range(3):
+            for c in range(3):
+                covariance[a, c] = (away[:, a] * away[:, c]).sum()
         if not np.isfinite(covariance).all():
             break
         normal = np.linalg.eigh(covariance)[1][:, 0]
         if normal[2] < 0.0:
             normal = -normal
-        for i in range(n):
-            height = 0.0
-            for a in range(3):
-                height += normal[a] * (points[i, a] - mean[a])
-            is_ground[i] = height < distance
+        away = points - mean
+        is_ground = away[:, 0] * normal[0] + away[:, 1] * normal[1] + away[:, 2] * normal[2] < distance
     return is_ground
 
 
@@ -82,106 +67,79 @@ def polar_bins(points, about):  # type: ignore[no-untyped-def]
     return bins
 
 
-@kernel
-def compare_bins(near, map_points, is_alive, was_scanned, stamp, scan_points, scan_ids, about):  # type: ignore[no-untyped-def]
+class _Heights(NamedTuple):
+    """Of the points in each bin (B,): the lowest and the highest, and how many voxels they lie in."""
+
+    low: npt.NDArray[np.float64]
+    high: npt.NDArray[np.float64]
+    n_voxels: npt.NDArray[np.int64]
+
+
+def compare_bins(
+    near: npt.NDArray[np.int64],
+    map_points: npt.NDArray,
+    is_alive: Mask,
+    was_scanned: npt.NDArray[np.int32],
+    stamp: np.int32,
+    scan_points: npt.NDArray,
+    scan_ids: npt.NDArray[np.int32],
+    about: Any,
+) -> Mask:
     """Compare one scan with the map by bins; edit `is_alive` (V,) in place, return (M,) the scan's dynamic points."""
     n_bins = about.rings * about.sectors
-    map_bins, scan_bins = polar_bins(map_points, about), polar_bins(scan_points, about)
-    of_map = _heights_of_map(near, map_points, map_bins, is_alive, n_bins)
-    of_scan = _heights_of_scan(scan_points, scan_bins, scan_ids, was_scanned, stamp, n_bins)
-    decision = _decide(of_map, of_scan, about)
-    _remove_above_ground(near, map_points, map_bins, decision, is_alive, was_scanned, stamp, about.plane)
-    rejected = np.zeros(len(scan_points), np.bool_)
-    if about.version == 2:
-        for i in range(len(scan_points)):
-            b = scan_bins[i]
-            if b < 0 or scan_ids[i] < 0:
-                continue
-            if decision[b] == _SCAN_HIGHER:
-                rejected[i] = of_scan[1][b] > about.bin_max_height
-            elif decision[b] == _SIMILAR or decision[b] == _SCAN_ONLY:
-                is_alive[scan_ids[i]] = True
-    return rejected
+    map_bins = np.where(is_alive[near], polar_bins(map_points, about), -1)
+    scan_bins = np.where(scan_ids >= 0, polar_bins(scan_points, about), -1)
+    of_map = _Heights(*_measure(map_points, map_bins, near, np.full_like(was_scanned, -1), stamp, n_bins))
+    of_scan = _Heights(*_measure(scan_points, scan_bins, scan_ids, was_scanned, stamp, n_bins))
+    decision = np.append(_decide(of_map, of_scan, about), _KEEP)  # bin -1 reads the one at the end
+    rows = np.flatnonzero(decision[map_bins] == _MAP_HIGHER)
+    _remove_above_ground(near[rows], map_points[rows], map_bins[rows], is_alive, was_scanned == stamp, about.plane)
+    if about.version != 2:
+        return np.zeros(len(scan_points), bool)
+    is_back = np.isin(decision[scan_bins], (_SIMILAR, _SCAN_ONLY))
+    is_alive[scan_ids[is_back]] = True
+    return (decision[scan_bins] == _SCAN_HIGHER) & (of_scan.high[scan_bins] > about.bin_max_height)
 
 
 @kernel
-def _heights_of_map(near, points, bins, is_alive, n_bins):  # type: ignore[no-untyped-def]
-    """Return the lowest and highest point (B,) of the remaining map in each bin, and its number of voxels."""
-    low, high, count = np.full(n_bins, np.inf), np.full(n_bins, -np.inf), np.zeros(n_bins, np.int64)
-    for i in range(len(near)):
-        b = bins[i]
-        if b >= 0 and is_alive[near[i]]:
-            low[b] = min(low[b], points[i, 2])
-            high[b] = max(high[b], points[i, 2])
-            count[b] += 1
-    return low, high, count
-
-
-@kernel
-def _heights_of_scan(points, bins, ids, was_scanned, stamp, n_bins):  # type: ignore[no-untyped-def]
-    """Return the same for a scan, counted in voxels like the map; mark these as scanned at `stamp`."""
+def _measure(points, bins, voxels, was_met, stamp, n_bins):  # type: ignore[no-untyped-def]
+    """Return the `_Heights` of points in `voxels` (N,); mark these as met at `stamp`."""
     low, high, count = np.full(n_bins, np.inf), np.full(n_bins, -np.inf), np.zeros(n_bins, np.int64)
     for i in range(len(points)):
-        b = bins[i]
-        if b >= 0 and ids[i] >= 0:
+        b, v = bins[i], voxels[i]
+        if b >= 0:
             low[b] = min(low[b], points[i, 2])
             high[b] = max(high[b], points[i, 2])
-            if was_scanned[ids[i]] != stamp:
-                was_scanned[ids[i]] = stamp
-                count[b] += 1
+            count[b] += was_met[v] != stamp
+            was_met[v] = stamp
     return low, high, count
 
 
-@kernel
-def _decide(of_map, of_scan, about):  # type: ignore[no-untyped-def]
-    """Return (B,) int8, the decision on each bin, from the ratio of the shorter height span to the longer."""
-    map_low, map_high, map_count = of_map
-    scan_low, scan_high, scan_count = of_scan
-    decision = np.full(len(map_low), _KEEP, np.int8)
-    for b in range(len(decision)):
-        if scan_count[b] < about.min_points:
-            continue
-        if map_count[b] == 0:
-            decision[b] = _SCAN_ONLY
-            continue
-        map_span, scan_span = map_high[b] - map_low[b], scan_high[b] - scan_low[b]
-        longer = max(map_span, scan_span)
-        if longer <= 0.0 or min(map_span, scan_span) / longer >= about.scan_ratio:
-            decision[b] = _SIMILAR
-        elif map_span < scan_span:
-            decision[b] = _SCAN_HIGHER
-        elif (about.version == 2 and map_high[b] > about.bin_max_height) or (
-            about.version == 3 and map_span > about.min_removed_span
-        ):
-            decision[b] = _MAP_HIGHER
-    return decision
+def _decide(of_map: _Heights, of_scan: _Heights, about: Any) -> npt.NDArray[np.int64]:
+    """Return (B,), the decision on each bin, from the ratio of the shorter height span to the longer."""
+    map_span, scan_span = of_map.high - of_map.low, of_scan.high - of_scan.low
+    longer = np.maximum(map_span, scan_span)
+    with np.errstate(invalid="ignore", divide="ignore"):  # bins that are empty or flat
+        is_similar = (longer <= 0.0) | (np.minimum(map_span, scan_span) / longer >= about.scan_ratio)
+    stands_out = of_map.high > about.bin_max_height if about.version == 2 else map_span > about.min_removed_span
+    is_unknown = of_scan.n_voxels < about.min_points
+    cases = (is_unknown, of_map.n_voxels == 0, is_similar, map_span < scan_span, stands_out)
+    return np.select(cases, (_KEEP, _SCAN_ONLY, _SIMILAR, _SCAN_HIGHER, _MAP_HIGHER), _KEEP)
 
 
-@kernel
-def _remove_above_ground(near, map_points, map_bins, decision, is_alive, was_scanned, stamp, plane):  # type: ignore[no-untyped-def]
-    """Remove the voxels above the ground plane of every bin decided _MAP_HIGHER from the map.
+def _remove_above_ground(
+    near: npt.NDArray[np.int64],
+    points: npt.NDArray,
+    bins: npt.NDArray[np.int32],
+    is_alive: Mask,
+    is_hit: Mask,
+    plane: tuple[float, int, int, int, float],
+) -> None:
+    """Remove the voxels `near` (N,) above the ground plane of their bin, at `points`, from the map.
 
     Voxels that the scan hits, and the ground part of the map, remain.
     """
-    start = np.zeros(len(decision) + 1, np.int64)
-    for i in range(len(near)):
-        b = map_bins[i]
-        if b >= 0 and decision[b] == _MAP_HIGHER and is_alive[near[i]]:
-            start[b + 1] += 1
-    start = np.cumsum(start)
-    rows = np.empty(start[-1], np.int64)
-    fill = start.copy()
-    for i in range(len(near)):
-        b = map_bins[i]
-        if b >= 0 and decision[b] == _MAP_HIGHER and is_alive[near[i]]:
-            rows[fill[b]] = i
-            fill[b] += 1
-    for b in range(len(decision)):
-        if start[b + 1] == start[b]:
-            continue
-        members = rows[start[b] : start[b + 1]]
-        is_ground = fit_region_ground(map_points[members], *plane)
-        for j in range(len(members)):
-            v = near[members[j]]
-            if not is_ground[j] and was_scanned[v] != stamp:
-                is_alive[v] = False
+    order = np.argsort(bins, kind="stable")
+    for members in np.split(order, np.flatnonzero(np.diff(bins[order])) + 1) if len(order) else []:
+        above = near[members[~fit_region_ground(points[members], *plane)]]
+        is_alive[above[~is_hit[above]]] = False

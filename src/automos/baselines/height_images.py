@@ -61,16 +61,10 @@ def find_ground(points: npt.NDArray, images: HeightImages) -> Mask:
         rows, columns = np.minimum(rows[inside], side - 1), np.minimum(columns[inside], side - 1)
         grey = (points[inside, 2] - images.low) * (255.0 / (images.high - images.low))
         image = np.zeros((side, side), np.uint8)
-        _draw(rows, columns, np.clip(grey, 0.0, 255.0).astype(np.uint8), image)
+        np.maximum.at(image.reshape(-1), rows * side + columns, np.clip(grey, 0.0, 255.0).astype(np.uint8))
         is_edge = find_edges(image, images.weak_edge, images.strong_edge)
         _add_votes(rows, columns, inside, is_edge, votes)
     return is_low & (votes >= images.share * len(images.cells)) & (votes > 0)
-
-
-@kernel
-def _draw(rows, columns, grey, image):  # type: ignore[no-untyped-def]
-    for i in range(len(rows)):
-        image[rows[i], columns[i]] = max(image[rows[i], columns[i]], grey[i])
 
 
 @kernel

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.baselines.batches import BatchSize, cut_batches, is_within, labels_of_voxels
+from automos.baselines.batches import BatchSize, add_points, cut_batches, labels_of_voxels
 from automos.baselines.brick_grid import FAR, BrickGrid
 from automos.core.kernels import kernel
 from automos.core.scan import Frames, Mask
@@ -73,11 +73,7 @@ def find_moving(frames: Frames, parameters: Parameters, start: int = 0) -> Itera
         seen = range(batch.frames[0], batch.own[-1] + 1)  # the future is not asked
         origins = frames.T_level_sensor[seen[0] : seen[-1] + 1, :3, 3]
         grid = BrickGrid(parameters.voxel, origins, parameters.max_range + _REACH * parameters.voxel)
-        ids_of = []
-        for k in seen:
-            used = is_within(frames[k], parameters.max_range, parameters.min_range)
-            ids_of.append(np.full(len(used), -1, np.int32))
-            ids_of[-1][used] = grid.add(frames[k].points_level[used])
+        ids_of = [add_points(grid, frames[k], parameters.max_range, parameters.min_range) for k in seen]
         grid.widen(parameters.reach)
         voxels = _Voxels(grid, parameters)
         for k, ids in zip(seen, ids_of, strict=True):

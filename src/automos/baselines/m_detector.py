@@ -13,7 +13,6 @@ sensor: for KITTI's the file gives a view from -23 to 2 degrees (lines 22, 23), 
 """
 
 import math
-from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -21,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.baselines.batches import scans_at
-from automos.baselines.depth_images import DepthImage, Stack, Window, draw, stack
+from automos.baselines.depth_images import DepthImage, Window, draw, stack
 from automos.baselines.occlusion_tests import AlongRay, Crossing, find_along_ray, find_crossing, leave_out_standing
 from automos.baselines.range_image import ImageShape, pattern_of, shape_of
 from automos.baselines.regions import label_regions
@@ -167,54 +166,44 @@ def find_moving(
     apart = shape_of(pattern, 0.0, 0.0).row_height
     parameters = min(published, key=lambda one: abs(np.log(one.row / apart)))
     shape = shape_of(pattern, float(np.degrees(parameters.row)), float(np.degrees(parameters.column)))
-    tests = _Tests(parameters, shape)
     gap = max(parameters.gap, float(np.median(np.diff(stamps)))) if len(stamps) > 1 else parameters.gap
     lags = gap * np.arange(1, parameters.images + 1)
     warm_up = min([*scans_at(stamps, start, -2.0 * lags), start])
-    past: deque[tuple[int, DepthImage]] = deque()
+    past: dict[int, DepthImage] = {}
     for k in range(warm_up, len(frames)):
         frame, asked = frames[k], scans_at(stamps, k, -lags)
-        while past and past[0][0] < min([*asked, k]):
-            past.popleft()
-        images = [image for j in asked for i, image in past if i == j]
-        is_event = tests.find_events(frame, float(stamps[k]), images)
+        past = {j: image for j, image in past.items() if j >= min([*asked, k])}
+        images = [past[j] for j in asked if j in past]
+        is_event = find_events(frame, float(stamps[k]), images, parameters, shape)
         is_object = ~find_ground(frame.points_level, frame.origin_level, ground)[0]
         is_moving = complete_clusters(frame.points_level, is_event, is_object, parameters)
-        past.append((k, draw(frame.points, is_moving, frame.T_level_sensor, float(stamps[k]), shape)))
+        past[k] = draw(frame.points, is_moving, frame.T_level_sensor, float(stamps[k]), shape)
         if k >= start:
             yield k, is_moving
 
 
-class _Tests:
-    """The three tests."""
-
-    def __init__(self, parameters: Parameters, shape: ImageShape):
-        """Take what is published and the images' shape."""
-        self._shape, self._blind, self._crossing = shape, parameters.blind, parameters.crossing
-        self._along = (parameters.away, parameters.nearer)
+def find_events(
+    frame: Frame, stamp: float, images: list[DepthImage], parameters: Parameters, shape: ImageShape
+) -> Mask:
+    """Return (M,) bool: the frame's points that pass any of the tests; `images` are from new to old."""
+    points, along = frame.points, (parameters.away, parameters.nearer)
+    is_asked = np.sqrt(np.einsum("ij,ij->i", points, points)) > parameters.blind
+    if not images:
+        return np.zeros_like(is_asked)
+    past = stack(images)
+    T = np.stack([_between(image.T_level_sensor, frame.T_level_sensor) for image in images])
+    is_event = find_crossing(points, is_asked, T, past, parameters.crossing, shape)
+    if len(images) > 1:
         # what agrees within the smaller of their windows stands for cases 2 and 3
-        width, height = (min(case.stands[i] for case in self._along) for i in (0, 1))
-        self._prefilter = Window(width, height)
-        self._plainly = min(case.tolerance for case in self._along)
-
-    def find_events(self, frame: Frame, stamp: float, images: list[DepthImage]) -> Mask:
-        """Return (M,) bool: the frame's points that pass any of the tests; `images` are from new to old."""
-        points, shape = frame.points, self._shape
-        ranges = np.sqrt(np.einsum("ij,ij->i", points, points))
-        is_asked = ranges > self._blind
-        if not images:
-            return np.zeros_like(is_asked)
-        past = stack(images)
-        T = np.stack([_between(image.T_level_sensor, frame.T_level_sensor) for image in images])
-        is_event = find_crossing(points, is_asked, T, past, self._crossing, shape)
-        leave_out_standing(points, is_asked, T, past, self._prefilter, self._plainly, _PREFILTER, shape)
-        if len(images) > 1:
-            now: Stack = stack([draw(points, np.zeros_like(is_asked), frame.T_level_sensor, stamp, shape)])
-            T_between = _between(images[1].T_level_sensor, images[0].T_level_sensor)
-            gaps = -np.diff([stamp, images[0].stamp, images[1].stamp])
-            for case in self._along:
-                is_event |= find_along_ray(points, is_asked & ~is_event, T, T_between, gaps, now, past, case, shape)
-        return is_event
+        width, height = (min(case.stands[i] for case in along) for i in (0, 1))
+        plainly = min(case.tolerance for case in along)
+        leave_out_standing(points, is_asked, T, past, Window(width, height), plainly, _PREFILTER, shape)
+        now = stack([draw(points, np.zeros_like(is_asked), frame.T_level_sensor, stamp, shape)])
+        T_between = _between(images[1].T_level_sensor, images[0].T_level_sensor)
+        gaps = -np.diff([stamp, images[0].stamp, images[1].stamp])
+        for case in along:
+            is_event |= find_along_ray(points, is_asked & ~is_event, T, T_between, gaps, now, past, case, shape)
+    return is_event
 
 
 def _between(T_level_there: npt.NDArray, T_level_here: npt.NDArray) -> npt.NDArray[np.float32]:

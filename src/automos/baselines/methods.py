@@ -18,7 +18,6 @@ from automos.core.errors import InputError
 from automos.core.labels import Label
 from automos.core.scan import Frames, Mask, Sequence
 from automos.core.workspace import Workspace
-from automos.evidence.published import FindMoving
 from automos.odometry.trajectory import SequenceFrames, Trajectory
 from automos.pipeline import find_labels, stage_keys
 from automos.settings import PRESETS, Settings
@@ -32,15 +31,15 @@ class Method:
     ----------
     name, title : str
         In settings, and in tables and pictures.
-    find_moving : FindMoving
-        See `FindMoving`.
+    takes : tuple of str
+        What it needs beside frames and parameters: "stamps", "ground".
     needs_future : bool
         Whether a scan's labels depend on scans after it.
     """
 
     name: str
     title: str
-    find_moving: FindMoving
+    takes: tuple[str, ...] = ()
     needs_future: bool = True
 
     @property
@@ -48,16 +47,13 @@ class Method:
         """The published parameters as a text."""
         return repr(published(self.name))
 
-
-def _find_with(name: str, *more: str) -> FindMoving:
-    """Return the labeler of method `name` with its published parameters; `more` names what else it takes."""
-
-    def find(frames: Frames, stamps: npt.NDArray, settings: Settings, start: int) -> Iterator[tuple[int, Mask]]:
+    def find_moving(
+        self, frames: Frames, stamps: npt.NDArray, settings: Settings, start: int
+    ) -> Iterator[tuple[int, Mask]]:
+        """Yield which points of each frame move, with the published parameters: a `published.FindMoving`."""
         given = {"stamps": stamps, "ground": settings.candidates.ground}
-        labeler = import_module(f"automos.baselines.{name}").find_moving
-        return labeler(frames, published(name), start=start, **{key: given[key] for key in more})
-
-    return find
+        find = import_module(f"automos.baselines.{self.name}").find_moving
+        return find(frames, published(self.name), start=start, **{key: given[key] for key in self.takes})
 
 
 def published(name: str) -> Any:
@@ -65,20 +61,19 @@ def published(name: str) -> Any:
 
     They are not settings: one compares with what was published. `find_moving` in the method's own module takes others.
     """
-    if name == "m_detector":
-        return import_module("automos.baselines.m_detector").FILES
-    return import_module(f"automos.baselines.{name}").Parameters()
+    module = import_module(f"automos.baselines.{name}")
+    return module.FILES if name == "m_detector" else module.Parameters()
 
 
 _ALL = (
-    Method("octomap", "Octomap", _find_with("octomap")),
-    Method("removert", "Removert", _find_with("removert")),
-    Method("erasor", "ERASOR", _find_with("erasor")),
-    Method("pfreundschuh", "Pfreundschuh's", _find_with("pfreundschuh", "ground")),
-    Method("yoon", "Yoon's", _find_with("yoon", "stamps", "ground")),
-    Method("dufomap", "DUFOMap", _find_with("dufomap")),
-    Method("m_detector", "M-detector", _find_with("m_detector", "stamps", "ground"), needs_future=False),
-    Method("hmm_mos", "HMM-MOS", _find_with("hmm_mos"), needs_future=False),
+    Method("octomap", "Octomap"),
+    Method("removert", "Removert"),
+    Method("erasor", "ERASOR"),
+    Method("pfreundschuh", "Pfreundschuh's", ("ground",)),
+    Method("yoon", "Yoon's", ("stamps", "ground")),
+    Method("dufomap", "DUFOMap"),
+    Method("m_detector", "M-detector", ("stamps", "ground"), needs_future=False),
+    Method("hmm_mos", "HMM-MOS", needs_future=False),
 )
 BASELINES = {method.name: method for method in _ALL}
 """In the order of the paper's Table I, then the newer ones."""
@@ -125,7 +120,11 @@ def label_scans(
         A folder for what the pipeline keeps between its stages.
     """
     if method in PRESETS:
-        yield from _label_by_pipeline(sequence, trajectory, settings, scratch, workers)
+        workspace = Workspace(scratch)
+        # The pipeline takes poses that are there already for its own.
+        workspace.stage("odometry", stage_keys(sequence, settings)["odometry"]).save("all", trajectory.to_arrays())
+        result = find_labels(sequence, settings, workspace=workspace, workers=workers)
+        yield from ((i, result.labels(i)) for i in range(len(sequence)))
         return
     frames = SequenceFrames(sequence, trajectory)
     for i, is_moving in BASELINES[method].find_moving(frames, trajectory.stamps, settings, 0):
@@ -133,14 +132,3 @@ def label_scans(
         labels = np.full(len(scan), Label.UNLABELED, np.uint8)
         labels[scan.is_valid] = np.where(is_moving, Label.MOVING, Label.STATIC)
         yield i, labels
-
-
-def _label_by_pipeline(
-    sequence: Sequence, trajectory: Trajectory, settings: Settings, scratch: Path, workers: int
-) -> Iterator[tuple[int, npt.NDArray[np.uint8]]]:
-    workspace = Workspace(scratch)
-    # The pipeline takes poses that are there already for its own.
-    workspace.stage("odometry", stage_keys(sequence, settings)["odometry"]).save("all", trajectory.to_arrays())
-    result = find_labels(sequence, settings, workspace=workspace, workers=workers)
-    for i in range(len(sequence)):
-        yield i, result.labels(i)

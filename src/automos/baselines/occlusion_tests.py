@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from automos.baselines.depth_images import Window, agrees, is_even, pixels_around, seen_from, surface_at, turn_between
-from automos.baselines.range_image import pixel_of
+from automos.baselines.range_image import moved, pixel_of
 from automos.core.kernels import kernel
 
 
@@ -96,9 +96,7 @@ def _stood(start, rays, azimuth, elevation, r, case, shape):  # type: ignore[no-
 @kernel
 def _hides(point, T, nearest, depth, shape):  # type: ignore[no-untyped-def]
     """Return whether `point` lies before all that an image saw around its direction."""
-    x = T[0, 0] * point[0] + T[0, 1] * point[1] + T[0, 2] * point[2] + T[0, 3]
-    y = T[1, 0] * point[0] + T[1, 1] * point[1] + T[1, 2] * point[2] + T[1, 3]
-    z = T[2, 0] * point[0] + T[2, 1] * point[1] + T[2, 2] * point[2] + T[2, 3]
+    x, y, z = moved(T, point[0], point[1], point[2])
     v, u, r = pixel_of(x, y, z, shape)
     return v >= 0 and nearest[v, u] < np.inf and r < nearest[v, u] - depth
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.baselines.batches import BATCH, Batch, BatchSize, add_points, cut_batches, labels_by_map
+from automos.baselines.batches import BATCH, Batch, BatchSize, add_points, body_of, cut_batches, labels_by_map
 from automos.baselines.brick_grid import BrickGrid
 from automos.baselines.height_images import HEIGHT_IMAGES, HeightImages, find_ground
 from automos.core.geometry import transform
@@ -67,9 +67,7 @@ def _map_batch(
     grid = BrickGrid(
         parameters.voxel, frames.T_level_sensor[batch.frames[0] : batch.frames[-1] + 1, :3, 3], parameters.max_range
     )
-    # z up at the sensor's mount, ground under the vehicle at z = 0: what it stands on may rise and fall.
-    T_body_sensor = frames.T_level_sensor[0].copy()
-    T_body_sensor[:2, 3] = 0.0
+    T_body_sensor = body_of(frames)  # what the vehicle stands on may rise and fall
     ids_of, ground_ids = [], []
     for k in batch.frames:
         frame = frames[k]
@@ -79,12 +77,10 @@ def _map_batch(
     is_pinned = np.zeros(len(grid), bool)
     is_pinned[np.concatenate(ground_ids)] = True
 
-    log_odds, passed = np.zeros(len(grid), np.float32), np.full(len(grid), -1, np.int32)
-    hit = np.full(len(grid), -1, np.int32)
-    model = tuple(
-        np.float32(np.log(p / (1.0 - p)))
-        for p in (parameters.hit, parameters.miss, parameters.lowest, parameters.highest)
-    )
+    log_odds = np.zeros(len(grid), np.float32)
+    passed, hit = np.full((2, len(grid)), -1, np.int32)
+    chances = np.array([parameters.hit, parameters.miss, parameters.lowest, parameters.highest])
+    model = np.log(chances / (1.0 - chances)).astype(np.float32)
     for k, ids in zip(batch.frames, ids_of, strict=True):
         frame = frames[k]
         grid.pass_rays(frame.origin_level, _shortened(frame, parameters.max_range), k, passed)

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import minimum_filter1d
 
 from automos.core.arrays import evenly_spread
 from automos.core.beam_pattern import BeamPattern, learn_pattern
@@ -77,6 +78,16 @@ def pixel_of(x, y, z, shape):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def moved(T, x, y, z):  # type: ignore[no-untyped-def]
+    """Return where `T` (3, 4) leads a point, all float32."""
+    return (
+        T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3],
+        T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3],
+        T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3],
+    )
+
+
+@kernel
 def nearest_ranges(points, shape):  # type: ignore[no-untyped-def]
     """Return (rows, columns) float32: the shortest range of `points` (M, 3), sensor frame, in each pixel, else inf."""
     image = np.full((shape.rows, shape.columns), NOTHING)
@@ -87,22 +98,7 @@ def nearest_ranges(points, shape):  # type: ignore[no-untyped-def]
     return image
 
 
-@kernel
-def shortest_around(image, rows, columns):  # type: ignore[no-untyped-def]
+def shortest_around(image: Image, rows: int, columns: int) -> Image:
     """Return the shortest range within `rows` above and below and `columns` to both sides, which go round."""
-    h, w = image.shape
-    upright = np.empty_like(image)
-    for v in range(h):
-        for u in range(w):
-            low = NOTHING
-            for b in range(max(v - rows, 0), min(v + rows + 1, h)):
-                low = min(low, image[b, u])
-            upright[v, u] = low
-    out = np.empty_like(image)
-    for v in range(h):
-        for u in range(w):
-            low = NOTHING
-            for a in range(u - columns, u + columns + 1):
-                low = min(low, upright[v, a % w])
-            out[v, u] = low
-    return out
+    upright = minimum_filter1d(image, 2 * rows + 1, axis=0, mode="nearest")
+    return minimum_filter1d(upright, 2 * columns + 1, axis=1, mode="wrap")

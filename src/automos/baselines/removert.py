@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.baselines.batches import Batch, BatchSize, add_points, cut_batches, is_within, labels_by_map
-from automos.baselines.range_image import NOTHING, ImageShape, image_shape, nearest_ranges, pixel_of
+from automos.baselines.batches import BatchSize, add_points, cut_batches, is_within, labels_by_map
+from automos.baselines.range_image import NOTHING, ImageShape, image_shape, moved, nearest_ranges, pixel_of
 from automos.core.geometry import inverse
 from automos.core.kernels import kernel
 from automos.core.parallel import available_cores, map_in_order
@@ -64,18 +64,11 @@ PUBLISHED = Parameters()
 def find_moving(frames: Frames, parameters: Parameters, start: int = 0) -> Iterator[tuple[int, Mask]]:
     """Yield (index, (M,) bool moving) of every frame from `start` on, in order: the points whose voxel left the map."""
     for batch in cut_batches(frames, parameters.batch, start):
-        mean, ids_of = _aggregate(frames, batch, parameters)
+        voxels = VoxelMap(parameters.voxel, frames.T_level_sensor[batch.frames[0], :3, 3])
+        ids_of = [add_points(voxels, frames[k], parameters.max_range) for k in batch.frames]
+        mean = voxels.mean
         is_removed = clean_map(mean, frames, batch.frames[:: parameters.every], parameters)
         yield from labels_by_map(frames, batch, ids_of, is_removed, mean, parameters.kept_within)
-
-
-def _aggregate(
-    frames: Frames, batch: Batch, parameters: Parameters
-) -> tuple[npt.NDArray[np.float32], list[npt.NDArray[np.int32]]]:
-    """Return the mean of every voxel (V, 3), level frame, and of each frame which voxel each point fell into."""
-    voxels = VoxelMap(parameters.voxel, frames.T_level_sensor[batch.frames[0], :3, 3])
-    ids_of = [add_points(voxels, frames[k], parameters.max_range) for k in batch.frames]
-    return voxels.mean, ids_of
 
 
 def clean_map(mean: npt.NDArray[np.float32], frames: Frames, scans: range, parameters: Parameters) -> Mask:
@@ -121,23 +114,17 @@ def _mark_seen_through(points, T, seen, shape: ImageShape, max_range, difference
     nearest = np.full((shape.rows, shape.columns), NOTHING)
     nearest_id = np.full((shape.rows, shape.columns), -1, np.int32)
     for i in range(len(points)):
-        px, py, pz = points[i, 0], points[i, 1], points[i, 2]
-        x = T[0, 0] * px + T[0, 1] * py + T[0, 2] * pz + T[0, 3]
-        y = T[1, 0] * px + T[1, 1] * py + T[1, 2] * pz + T[1, 3]
+        x, y, z = moved(T, points[i, 0], points[i, 1], points[i, 2])
         if x * x + y * y > max_range * max_range:
             continue
-        z = T[2, 0] * px + T[2, 1] * py + T[2, 2] * pz + T[2, 3]
         v, u, r = pixel_of(x, y, z, shape)
-        if v < 0 or seen[v, u] == NOTHING:
-            continue
-        if only_nearest:
-            if r < nearest[v, u]:
+        # of the points that are nearer than what was seen, the nearest is that of the whole pixel
+        if v >= 0 and seen[v, u] < NOTHING and seen[v, u] - r > difference * seen[v, u]:
+            if not only_nearest:
+                condemned[i] = True
+            elif r < nearest[v, u]:
                 nearest[v, u] = r
                 nearest_id[v, u] = i
-        elif seen[v, u] - r > difference * seen[v, u]:
-            condemned[i] = True
-    if only_nearest:
-        for v in range(shape.rows):
-            for u in range(shape.columns):
-                if nearest_id[v, u] >= 0 and seen[v, u] - nearest[v, u] > difference * seen[v, u]:
-                    condemned[nearest_id[v, u]] = True
+    for k in nearest_id.flat:
+        if k >= 0:
+            condemned[k] = True

@@ -125,7 +125,8 @@ def load_checkpoint(path: Path) -> Checkpoint:
     try:
         image, model = ImageSettings(**content["image"]), ModelSettings(**content["model"])
         network = LMNet(image, model)
-        network.load_state_dict({name: _full(value) for name, value in content["state"].items()})
+        halves = {name: value for name, value in content["state"].items() if value.dtype == torch.float16}
+        network.load_state_dict(content["state"] | {name: value.float() for name, value in halves.items()})
         card = dict(content.get("card", {}))
     except (ValueError, RuntimeError, KeyError, TypeError, AttributeError):  # pydantic's are ValueErrors
         raise InputError(f"{path} holds weights that do not fit the network it names: train again") from None
@@ -146,7 +147,3 @@ def require_shape(checkpoint: Checkpoint, image: ImageSettings, model: ModelSett
     for setting, (found, wanted) in pairs.items():
         if found != wanted:
             raise InputError(f"{path} has {setting} = {found}, not {wanted}: set {setting}={found} or drop --init")
-
-
-def _full(value: torch.Tensor) -> torch.Tensor:
-    return value.float() if value.dtype == torch.float16 else value

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.kernels import kernel
+from automos.core.range_image import over_neighbours
 from automos.network.images import RangeImage
 from automos.network.projection import Image
 
@@ -40,26 +41,12 @@ def vote(image: RangeImage, moving: Image) -> tuple[npt.NDArray[np.float32], npt
     squared = offsets[:, None] ** 2 + offsets[None, :] ** 2
     far = (1.0 - np.exp(-squared / (2.0 * _SIGMA**2))).astype(np.float32)  # 0 in the middle
     seen = image.channels[0]
-    is_mixed = np.empty(seen.shape, np.bool_)
-    _find_mixed(seen, moving, _RADIUS, is_mixed)
+    moves, stands = (seen > 0.0) & (moving > 0.5), (seen > 0.0) & (moving <= 0.5)
+    for _ in range(_RADIUS):
+        moves, stands = over_neighbours(moves, np.logical_or), over_neighbours(stands, np.logical_or)
+    is_mixed = moves & stands  # of the window around each pixel
     _vote(image.pixels, image.ranges, seen, moving, is_mixed, far, _VOTERS, _CUTOFF, share, mean)
     return share, mean
-
-
-@kernel
-def _find_mixed(seen, moving, radius, is_mixed):  # type: ignore[no-untyped-def]
-    """Return in which windows pixels that show something differ."""
-    height, width = seen.shape
-    for row in range(height):
-        for column in range(width):
-            yes, no = False, False
-            for a in range(max(row - radius, 0), min(row + radius + 1, height)):
-                for b in range(column - radius, column + radius + 1):
-                    c = b + width if b < 0 else (b - width if b >= width else b)
-                    if seen[a, c] > 0.0:
-                        yes |= moving[a, c] > 0.5
-                        no |= moving[a, c] <= 0.5
-            is_mixed[row, column] = yes and no
 
 
 @kernel

@@ -32,51 +32,44 @@ class Domain:
     test: Part
 
 
-def _domain(name: str, sensor: str, *parts: str) -> Domain:
-    return Domain(name, *(Part(tuple(_worlds(part, sensor))) for part in parts))
-
-
-def _worlds(text: str, sensor: str) -> list[tuple[str, str, int]]:
-    """Return ("city", sensor, 30), ("city", sensor, 31) for "city 30 31"; groups are separated by commas."""
-    groups = [group.split() for group in text.split(",") if group.strip()]
-    return [(scenario, sensor, int(seed)) for scenario, *seeds in groups for seed in seeds]
+def _of_one_sensor(sensor: str, text: str) -> Part:
+    """Return worlds ("city", sensor, 30), ("city", sensor, 31) for "city 30 31"; groups are separated by commas."""
+    groups = [group.split() for group in text.split(",")]
+    return Part(tuple((scenario, sensor, int(seed)) for scenario, *seeds in groups for seed in seeds))
 
 
 _STREETS = ("city", "motorway", "junction", "campus", "scooters", "hills", "narrow", "canyon", "avenue", "country")
 _SENSORS = ("HDL-64E", "OS1-64", "VLS-128", "HDL-64E", "HDL-32E", "HDL-64E-5Hz", "OS1-128", "HDL-64E", "VLP-16")
 
 
-def _of_many_sensors() -> Domain:
-    """Return domain S: every street four times, each time with the next sensors and another seed."""
+def _of_many_sensors(numbers: range, seed: int) -> Part:
+    """Return worlds of domain S: with each the next street and the next sensor, and every time round another seed."""
     n, m = len(_STREETS), len(_SENSORS)
-    parts = [
-        Part(tuple((_STREETS[k % n], _SENSORS[k % m], seed + k // n) for k in range(a, b)), 25)
-        for a, b, seed in _PARTS_OF_S
-    ]
-    return Domain("S", parts[0], Part(()), *parts[1:])
+    return Part(tuple((_STREETS[k % n], _SENSORS[k % m], seed + k // n) for k in numbers), 25)
 
-
-_PARTS_OF_S = ((0, 60, 320), (0, 9, 340), (20, 29, 350))
-"""Of the parts to train on, to choose by and to score: which worlds, and the first seed."""
 
 DOMAINS = {
-    "K": _domain(
+    "K": Domain(
         "K",
-        "HDL-64E",
-        "city 30 31, junction 30, avenue 30, campus 30",
-        "city 32 33 34, junction 31 32, avenue 31 32, campus 31, slowdown 31, narrow 31",
-        "city 40, junction 40",
-        "city 50 51, junction 50, avenue 50",
+        _of_one_sensor("HDL-64E", "city 30 31, junction 30, avenue 30, campus 30"),
+        _of_one_sensor("HDL-64E", "city 32 33 34, junction 31 32, avenue 31 32, campus 31, slowdown 31, narrow 31"),
+        _of_one_sensor("HDL-64E", "city 40, junction 40"),
+        _of_one_sensor("HDL-64E", "city 50 51, junction 50, avenue 50"),
     ),
-    "A": _domain(
+    "A": Domain(
         "A",
-        "OS1-64",
-        "scooters 30 31, hills 30 31, slowdown 30",
-        "",
-        "scooters 40, hills 40",
-        "scooters 50, hills 50, slowdown 50",
+        _of_one_sensor("OS1-64", "scooters 30 31, hills 30 31, slowdown 30"),
+        Part(()),
+        _of_one_sensor("OS1-64", "scooters 40, hills 40"),
+        _of_one_sensor("OS1-64", "scooters 50, hills 50, slowdown 50"),
     ),
-    "S": _of_many_sensors(),
+    "S": Domain(
+        "S",
+        _of_many_sensors(range(60), 320),
+        Part(()),
+        _of_many_sensors(range(9), 340),
+        _of_many_sensors(range(20, 29), 350),
+    ),
 }
 
 

@@ -92,12 +92,9 @@ class Experiment:
 
     def simulated(self, domain: Domain) -> Data:
         """Return the recordings of a simulated domain, written where they are not there yet."""
-        home = self.folder / "recordings"
-        parts = {}
-        for name in ("train", "validation", "test", "extra"):
-            written = write_part(getattr(domain, name), home, self.progress)
-            parts[name] = tuple(sequence.source for sequence in written if sequence.source is not None)
-        return Data(**parts)
+        parts = (domain.train, domain.validation, domain.test, domain.extra)
+        written = [write_part(part, self.folder / "recordings", self.progress) for part in parts]
+        return Data(*(tuple(each.source for each in part if each.source is not None) for part in written))
 
     def given(self, recordings: Iterable[Path]) -> tuple[Source, ...]:
         """Return recordings with the labels they came with."""
@@ -137,15 +134,14 @@ class Experiment:
             counts += evaluate_folder(folder / "predictions", sequence).counts
         return Row(method, counts, self.seconds.get(name, 0.0) / 3600.0)
 
-    def score(self, method: str, test: Iterable[Path], make: Callable[[Sequence], Callable[[int], Any]]) -> Row:
-        """Return how a labeler does that gives the labels of scan i of a recording."""
+    def score(self, method: str, test: Iterable[Path], make: Callable[[Sequence], Callable[[int, Any], Any]]) -> Row:
+        """Return how a labeler does that gives the labels of a scan of a recording, from its index and its truth."""
         counts = Counts()
         for sequence in _sequences(test):
             labels = make(sequence)
             for i in range(len(sequence)):
-                truth = sequence.truth(i)
-                if truth is not None:
-                    counts += count(labels(i), truth)
+                if (truth := sequence.truth(i)) is not None:
+                    counts += count(labels(i, truth), truth)
         return Row(method, counts)
 
 
@@ -179,20 +175,12 @@ def many_sensors(work: Experiment, data: Data) -> list[Row]:
 def rivals(work: Experiment, data: Data, predictions: dict[str, Path]) -> list[Row]:
     """Return the rows of the online methods that LMNet is compared with."""
 
-    def flow(sequence: Sequence) -> Callable[[int], Any]:
-        trajectory = estimate_trajectory(sequence, work.settings.odometry)
-        return FlowThreshold(sequence, trajectory).labels
-
-    def movable(sequence: Sequence) -> Callable[[int], Any]:
-        def labels(index: int) -> Any:
-            truth = sequence.truth(index)
-            assert truth is not None, "only scans with truth are scored"
-            return movable_labels(truth)
-
-        return labels
+    def flow(sequence: Sequence) -> Callable[[int, Any], Any]:
+        found = FlowThreshold(sequence, estimate_trajectory(sequence, work.settings.odometry))
+        return lambda index, truth: found.labels(index)
 
     rows = [
-        work.score("all movable classes", data.test, movable),
+        work.score("all movable classes", data.test, lambda sequence: lambda index, truth: movable_labels(truth)),
         work.score("scene-flow threshold", data.test, flow),
     ]
     for method, folder in predictions.items():
@@ -212,12 +200,13 @@ def table_three(work: Experiment, home: Data, away: Data) -> tuple[list[Row], Cu
     there = TrainingData(work.automatic(away.train), work.given(away.validation))
     retrained = work.network("retrained", there)
     tuned = work.network("tuned", there, init=ours)
-    rows = [
-        work.score_network("LMNet + manual, trained at home", "manual", manual, away.test),
-        work.score_network("LMNet + ours, trained at home", "ours", ours, away.test),
-        work.score_network("LMNet + ours, retrained", "retrained", retrained, away.test),
-        work.score_network("LMNet + ours, fine-tuned", "tuned", tuned, away.test),
-    ]
+    networks = {
+        "LMNet + manual, trained at home": ("manual", manual),
+        "LMNet + ours, trained at home": ("ours", ours),
+        "LMNet + ours, retrained": ("retrained", retrained),
+        "LMNet + ours, fine-tuned": ("tuned", tuned),
+    }
+    rows = [work.score_network(method, *network, away.test) for method, network in networks.items()]
     return rows, _curves(work, retrained, tuned, rows, away.test)
 
 

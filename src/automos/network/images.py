@@ -161,7 +161,7 @@ class RangeImage:
     @property
     def shown(self) -> npt.NDArray[np.int64]:
         """Rows of the points that are seen, in order: all that later scans need of this one."""
-        return np.sort(self.index[self.index >= 0]).astype(np.int64)
+        return _rows_shown(self.index)
 
 
 def make_image(window: Window, grid: ImageGrid) -> RangeImage:
@@ -180,6 +180,8 @@ def make_image(window: Window, grid: ImageGrid) -> RangeImage:
 
 def thin(points: Points, grid: ImageGrid) -> npt.NDArray[np.int64]:
     """Return the rows of the points that are seen in the image, in order: all that earlier scans are needed for."""
-    pixels, ranges = project(points, grid)
-    index = nearest_points(pixels, ranges, grid.size)
+    return _rows_shown(nearest_points(*project(points, grid), grid.size))
+
+
+def _rows_shown(index: npt.NDArray[np.int32]) -> npt.NDArray[np.int64]:
     return np.sort(index[index >= 0]).astype(np.int64)

@@ -23,7 +23,7 @@ from automos.network.images import MIN_RANGE, SPACING, Window, make_image, pick_
 from automos.network.projection import ImageGrid
 from automos.network.recordings import measure_grid
 from automos.odometry.compensation import frame_of
-from automos.odometry.estimator import Moved, Odometry
+from automos.odometry.estimator import Odometry
 from automos.odometry.sweep_timing import SweepTiming
 from automos.settings import Settings
 
@@ -69,14 +69,16 @@ class OnlineSegmenter:
             if moved.T_before_now is not None:
                 self._T_world_path = self._T_world_path @ moved.T_before_now
             self.T_world_sensor = self._T_world_path @ moved.posed.T_world_sensor
-            frame = _make_frame(scan, moved)
+            # its valid points, compensated for the motion during its sweep
+            frame = frame_of(scan, moved.posed.timing, moved.posed.sweep_motion, np.eye(4), moved.stamp)
         labels, probability = np.zeros(len(scan), np.uint8), np.zeros(len(scan), np.float32)
-        grid = self._grid_of(frame)
-        if grid is None:
+        if self._grid is None and len(frame.points) >= _PATTERN_POINTS:
+            self._grid = measure_grid([frame], self._network.image)  # the first scan that shows the sensor's beams
+        if self._grid is None:
             return labels, probability
         with self._timed("image"):
             window = self._window(frame)
-            image = make_image(window, grid)
+            image = make_image(window, self._grid)
         with self._timed("network"):
             moving = np.zeros_like(image.channels[0])
             if 2 * sum(points is not None for points in window.past) >= len(window.past):  # as `with_past`
@@ -88,12 +90,6 @@ class OnlineSegmenter:
             probability[frame.kept] = mean
             self._remember(frame.points[image.shown], moved.stamp)
         return labels, probability
-
-    def _grid_of(self, frame: Frame) -> ImageGrid | None:
-        """Return how the sensor's scans become images, learnt from the first scan that shows its beams."""
-        if self._grid is None and len(frame.points) >= _PATTERN_POINTS:
-            self._grid = measure_grid([frame], self._network.image)
-        return self._grid
 
     def _window(self, frame: Frame) -> Window:
         n = self._network.image.residuals
@@ -115,8 +111,3 @@ class OnlineSegmenter:
         start = time.perf_counter()
         yield
         self.seconds[stage].append(time.perf_counter() - start)
-
-
-def _make_frame(scan: Scan, moved: Moved) -> Frame:
-    """Return the valid points of `scan`, compensated for the motion during its sweep."""
-    return frame_of(scan, moved.posed.timing, moved.posed.sweep_motion, np.eye(4), moved.stamp)

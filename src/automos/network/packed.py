@@ -17,7 +17,7 @@ import numpy.typing as npt
 from automos.core.atomic import write_text
 from automos.core.parallel import map_in_order
 from automos.core.run import Progress
-from automos.network.samples import TrainingSamples, ValidationSamples, draw_sector
+from automos.network.samples import TrainingSamples, ValidationSamples, draw_order, draw_sector
 from automos.settings import NetworkSettings
 
 _TYPES = {"image": np.float16, "target": np.uint8, "confidence": np.float16}
@@ -58,9 +58,8 @@ class PackedSamples:
     """What `pack` left, in the order and with the turns that an epoch draws; as it is without `settings`."""
 
     def __init__(self, folder: Path, settings: NetworkSettings | None = None):
-        self._folder, self._training = folder, None if settings is None else settings.training
-        files = sorted(path for path in folder.glob("*.npy"))
-        self._arrays = {path.stem: np.load(path, mmap_mode="r") for path in files}
+        self._training = None if settings is None else settings.training
+        self._arrays = {path.stem: np.load(path, mmap_mode="r") for path in sorted(folder.glob("*.npy"))}
         self._n = len(self._arrays["target"])
         self.begin_epoch(0)
 
@@ -68,9 +67,8 @@ class PackedSamples:
         """Draw the order anew."""
         self._epoch, self._order = epoch, np.arange(self._n)
         if self._training is not None:
-            wanted = self._training.samples or self._n
             rng = np.random.default_rng([self._training.seed, epoch, 3])
-            self._order = np.concatenate([rng.permutation(self._n) for _ in range(-(-wanted // self._n))])[:wanted]
+            self._order = draw_order(self._n, self._training.samples, rng)
 
     def __len__(self) -> int:
         return len(self._order)

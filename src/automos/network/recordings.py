@@ -7,8 +7,9 @@ pixels as for the residuals of later scans. Thinned scans are kept in memory up 
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,10 +20,10 @@ from automos.core.beam_pattern import learn_pattern
 from automos.core.errors import InputError
 from automos.core.label_files import read_confidences, read_labels
 from automos.core.labels import Label, to_mos
-from automos.core.run import Progress
+from automos.core.run import Progress, Run
 from automos.core.scan import Frame, Sequence
 from automos.core.workspace import Workspace, fingerprint
-from automos.evaluation.predictions import find_predictions
+from automos.evaluation.predictions import StoredStages, find_predictions
 from automos.network.images import SPACING, Window, pick_past, thin
 from automos.network.projection import ImageGrid, beam_grid
 from automos.odometry.estimate import estimate_trajectory
@@ -104,7 +105,8 @@ class LabelledRecording:
     def __init__(self, labels: ScanLabels, trajectory: Trajectory, settings: ImageSettings):
         self.sequence, self.trajectory, self.settings = labels.sequence, trajectory, settings
         self._labels = labels
-        self.grid = measure_grid([self._frame(i) for i in evenly_spread(range(len(self)), 5)], settings)
+        few = evenly_spread(range(len(self)), 5)
+        self.grid = measure_grid([make_frame(self.sequence[i], trajectory, i) for i in few], settings)
 
     def __len__(self) -> int:
         return len(self.sequence)
@@ -137,9 +139,6 @@ class LabelledRecording:
         T_now_past = np.linalg.inv(poses[index]) @ poses[[index if k < 0 else index - 1 - int(k) for k in chosen]]
         return Window(now.points, past, T_now_past), now
 
-    def _frame(self, index: int) -> Frame:
-        return make_frame(self.sequence[index], self.trajectory, index)
-
 
 class Shelf:
     """Thinned scans of several recordings, the latest used kept in memory."""
@@ -163,7 +162,7 @@ class Shelf:
 
 
 def open_labelled(
-    sources: list[Source], settings: Settings, cache: Path, progress: Progress | None = None
+    sources: Iterable[Source], settings: Settings, cache: Path, progress: Progress = lambda name, done, total: None
 ) -> list[LabelledRecording]:
     """Return the recordings of `sources`; poses are those of the results folder, else estimated once into `cache`.
 
@@ -195,15 +194,13 @@ def measure_grid(frames: list[Frame], settings: ImageSettings) -> ImageGrid:
     return beam_grid(settings.height, settings.width, pattern.row_of_sine, pattern.n_rows)
 
 
-def _trajectory(labels: ScanLabels, settings: Settings, cache: Path, progress: Progress | None) -> Trajectory:
-    sequence, results = labels.sequence, labels.results
-    if results is not None:
-        key = Workspace(results).read_run().get("stages", {}).get("odometry")
-        if key is not None and Workspace(results).stage("odometry", key).has("all"):
-            return Trajectory.from_arrays(Workspace(results).stage("odometry", key).load("all"))
-    key = fingerprint(sequence.fingerprint(), settings.odometry.model_dump(mode="json"))
-    stage = Workspace(cache).stage("odometry", key)
-    if not stage.has("all"):
-        tick = None if progress is None else (lambda done, total: progress(f"poses {sequence.name}", done, total))
-        stage.save("all", estimate_trajectory(sequence, settings.odometry, None, tick).to_arrays())
-    return Trajectory.from_arrays(stage.load("all"))
+def _trajectory(labels: ScanLabels, settings: Settings, cache: Path, progress: Progress) -> Trajectory:
+    sequence = labels.sequence
+    found = None if labels.results is None else StoredStages(labels.results).load("odometry", "all")
+    if found is None:
+        key = fingerprint(sequence.fingerprint(), settings.odometry.model_dump(mode="json"))
+        tell = lambda _, done, total: progress(f"poses {sequence.name}", done, total)  # noqa: E731
+        find = partial(estimate_trajectory, sequence, settings.odometry, None)
+        kept = Run(Workspace(cache), {"odometry": key}, sequence.names, tell)
+        found = kept.once("odometry", lambda tick: find(tick).to_arrays())
+    return Trajectory.from_arrays(found)

@@ -18,24 +18,13 @@ _CACHED_SCANS = 200
 _CLASS_NAMES = ("unlabeled", "static", "moving")
 
 
-class TrainingSamples:
-    """Windows of several recordings; which ones, and how they are changed, follows from seed and epoch alone."""
+class _Samples:
+    """Windows of several recordings with half of their past or more: row by row, recording and scan."""
 
-    def __init__(self, recordings: list[LabelledRecording], settings: NetworkSettings):
-        self._shelf = Shelf(recordings, _CACHED_SCANS)
-        self._settings = settings
+    def __init__(self, recordings: list[LabelledRecording], settings: NetworkSettings, cached: int):
+        self._shelf, self._settings = Shelf(recordings, cached), settings
         self._all = np.array([(r, i) for r, recording in enumerate(recordings) for i in recording.with_past])
-        self._order, self._epoch = self._all, 0
-        self.begin_epoch(0)
-
-    def begin_epoch(self, epoch: int) -> None:
-        """Draw the windows of an epoch."""
-        training, n = self._settings.training, len(self._all)
-        rng = np.random.default_rng([training.seed, epoch, 1])
-        wanted = training.samples or n
-        rounds = -(-wanted // n)
-        self._order = self._all[np.concatenate([rng.permutation(n) for _ in range(rounds)])[:wanted]]
-        self._epoch = epoch
+        self._order = self._all
 
     def __len__(self) -> int:
         return len(self._order)
@@ -44,6 +33,20 @@ class TrainingSamples:
     def neighbours(self) -> npt.NDArray[np.int64]:
         """Return all indices, those of neighbouring scans together."""
         return np.lexsort(self._order.T[::-1])
+
+
+class TrainingSamples(_Samples):
+    """Windows of several recordings; which ones, and how they are changed, follows from seed and epoch alone."""
+
+    def __init__(self, recordings: list[LabelledRecording], settings: NetworkSettings):
+        super().__init__(recordings, settings, _CACHED_SCANS)
+        self.begin_epoch(0)
+
+    def begin_epoch(self, epoch: int) -> None:
+        """Draw the windows of an epoch."""
+        training = self._settings.training
+        rng = np.random.default_rng([training.seed, epoch, 1])
+        self._order, self._epoch = self._all[draw_order(len(self._all), training.samples, rng)], epoch
 
     def __getitem__(self, index: int) -> dict[str, npt.NDArray]:
         if not 0 <= index < len(self):
@@ -64,33 +67,28 @@ class TrainingSamples:
         return sample
 
 
-class ValidationSamples:
+class ValidationSamples(_Samples):
     """Windows evenly spread over several recordings, unchanged."""
 
     def __init__(self, recordings: list[LabelledRecording], settings: NetworkSettings):
-        self._shelf = Shelf(recordings, _CACHED_SCANS // 10)
-        self._settings = settings
-        everything = [(r, i) for r, recording in enumerate(recordings) for i in recording.with_past]
-        n = min(settings.training.validation_scans, len(everything))
-        self._all = evenly_spread(everything, n)
+        super().__init__(recordings, settings, _CACHED_SCANS // 10)
+        self._order = np.array(evenly_spread(self._all, settings.training.validation_scans))
 
     def begin_epoch(self, epoch: int) -> None:
         """Do nothing: they are the same in every epoch."""
 
-    def __len__(self) -> int:
-        return len(self._all)
-
-    @property
-    def neighbours(self) -> npt.NDArray[np.int64]:
-        """Return all indices, those of neighbouring scans together."""
-        return np.arange(len(self))
-
     def __getitem__(self, index: int) -> dict[str, npt.NDArray]:
-        recording, scan = self._all[index]
-        window, labels = self._shelf.window(recording, scan)
+        recording, scan = self._order[index]
+        window, labels = self._shelf.window(int(recording), int(scan))
         image = make_image(window, self._shelf.recordings[recording].grid)
         target, _ = _targets(image.index, labels.classes, labels.confidence)
         return {"image": image.channels, "target": target}
+
+
+def draw_order(n: int, wanted: int, rng: np.random.Generator) -> npt.NDArray[np.int64]:
+    """Return `wanted` (0: `n`) of the numbers below `n`, in rounds: none comes twice more often than another."""
+    wanted = wanted or n
+    return np.concatenate([rng.permutation(n) for _ in range(-(-wanted // n))])[:wanted]
 
 
 def draw_sector(

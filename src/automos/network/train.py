@@ -66,10 +66,10 @@ def train(
     network = settings.network
     if init is not None:  # before poses, which take far longer
         require_shape(load_checkpoint(init), network.image, network.model, init)
-    recordings = open_labelled(list(data.train), settings, poses or out / "poses", progress)
+    recordings = open_labelled(data.train, settings, poses or out / "poses", progress)
     weights = measure_classes(recordings, progress)
     if data.validation:
-        validation = open_labelled(list(data.validation), settings, poses or out / "poses", progress)
+        validation = open_labelled(data.validation, settings, poses or out / "poses", progress)
     else:
         recordings, validation = _split(recordings)
         measure_classes(validation, progress)  # raises where nothing moves by which an epoch could be chosen

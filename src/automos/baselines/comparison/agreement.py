@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from automos.evaluation.report import without_nan
+
 
 @dataclass(frozen=True, eq=False)
 class Agreement:
@@ -24,10 +26,8 @@ class Agreement:
 
     def to_dict(self) -> dict[str, dict[str, float | None]]:
         """Return the matrix by names, None for nan."""
-        return {
-            a: {b: None if np.isnan(value) else float(value) for b, value in zip(self.methods, row, strict=True)}
-            for a, row in zip(self.methods, self.iou, strict=True)
-        }
+        rows = zip(self.methods, without_nan(self.iou.tolist()), strict=True)
+        return {name: dict(zip(self.methods, row, strict=True)) for name, row in rows}
 
 
 def measure_agreement(methods: Sequence[str], scans: Iterable[Sequence[npt.NDArray[np.bool_]]]) -> Agreement:

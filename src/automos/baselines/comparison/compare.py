@@ -22,6 +22,7 @@ from automos.baselines.methods import TITLES, choose_methods
 from automos.core.atomic import write_text
 from automos.core.errors import InputError, MissingExtraError
 from automos.evaluation.moving import Counts, Scores, count
+from automos.evaluation.report import without_nan
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -68,21 +69,16 @@ class Comparison:
         methods = {}
         for name, cost in self.costs.items():
             scores = self.scores.get(name)
-            ratios = {} if scores is None else {key: _plain(getattr(scores, key)) for key in _RATIOS} | asdict(scores)
             methods[name] = {
                 "title": self.titles[name],
-                **ratios,
+                **({key: getattr(scores, key) for key in _RATIOS} | asdict(scores) if scores else {}),
                 "needs_future": self.needs_future[name],
                 **({} if cost is None else _plain_cost(cost)),
             }
-        return {
-            "recording": self.recording,
-            "n_scans": self.n_scans,
-            "poses": self.poses,
-            "methods": methods,
-            "missing": self.missing,
-            "agreement": self.agreement.to_dict(),
-        }
+        plain = {key: getattr(self, key) for key in ("recording", "n_scans", "poses")}
+        return without_nan(
+            {**plain, "methods": methods, "missing": self.missing, "agreement": self.agreement.to_dict()}
+        )
 
     def tables(self) -> list[Table]:
         """Return Table I, and how far the methods agree."""
@@ -93,16 +89,15 @@ class Comparison:
         notes = [f"{TITLES[name]}: {reason}" for name, reason in self.missing.items()]
         if not all(cost is None or cost.was_alone for cost in self.costs.values()):
             notes.append("< : other programs kept the machine busy meanwhile; seconds are upper bounds")
-        caption = Text("\n".join(notes)) if notes else None
+        headings = ("IoU %", "precision", "recall", "s/scan", "±", "MB", "future")
         table = Table(
+            Column("method", no_wrap=True),
+            *(Column(heading, justify="right") for heading in headings),
             title=f"{self.recording}: {self.n_scans} scans, {self.poses}",
-            caption=caption,
+            caption=Text("\n".join(notes)) if notes else None,
             box=SIMPLE_HEAD,
             pad_edge=False,
         )
-        table.add_column("method", no_wrap=True)
-        for heading in ("IoU %", "precision", "recall", "s/scan", "±", "MB", "future"):
-            table.add_column(heading, justify="right")
         for name, cost in self.costs.items():
             scores = self.scores.get(name)
             ratios = [_percent(getattr(scores, key)) if scores else "" for key in _RATIOS]
@@ -191,8 +186,7 @@ def _masks(runs: MethodRuns, counts: dict[str, Counts]) -> Iterator[list[npt.NDA
 
 
 def _describe_poses(runs: MethodRuns) -> str:
-    about = runs.trajectory.diagnostics
-    thickness = about.get("wall_thickness_m")
+    thickness = runs.trajectory.diagnostics.get("wall_thickness_m")
     source = {
         "given": "poses given",
         "shared": "one odometry's poses for all",
@@ -215,15 +209,11 @@ def _plain_cost(cost: Cost) -> dict[str, Any]:
         "seconds_per_scan": cost.seconds_per_scan,
         "seconds_spread": cost.spread,
         "runs": len(cost.seconds),
-        "cpu_seconds_per_scan": _plain(statistics.median(cost.busy)),
-        "peak_mb": _plain(cost.peak_memory / 1e6),
-        "cores_of_others": _plain(max(cost.others)),
+        "cpu_seconds_per_scan": statistics.median(cost.busy),
+        "peak_mb": cost.peak_memory / 1e6,
+        "cores_of_others": max(cost.others),
     }
 
 
 def _percent(value: float) -> str:
     return "-" if math.isnan(value) else f"{100 * value:.1f}"
-
-
-def _plain(value: float) -> float | None:
-    return None if math.isnan(value) else float(value)

@@ -6,9 +6,9 @@ import os
 import statistics
 import threading
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 
 from automos.core.reading import read_json
 
@@ -43,9 +43,7 @@ class Effort:
             self._thread.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.seconds = time.perf_counter() - self._start
         self._done.set()
         if self._thread.is_alive():
@@ -66,12 +64,10 @@ class Effort:
 def _family(pid: int) -> list[int]:
     """Return `pid` and all its descendants."""
     family = [pid]
-    try:
+    with suppress(OSError):  # it ended meanwhile
         for task in Path(f"/proc/{pid}/task").iterdir():
             for child in (task / "children").read_text().split():
                 family += _family(int(child))
-    except OSError:  # it ended meanwhile
-        pass
     return family
 
 

@@ -12,6 +12,7 @@ import os
 import shutil
 from collections.abc import Mapping
 from dataclasses import asdict, replace
+from functools import partial
 from itertools import chain
 from pathlib import Path
 
@@ -26,7 +27,7 @@ from automos.core.errors import InputError
 from automos.core.label_files import read_labels
 from automos.core.labels import Label, to_mos
 from automos.core.parallel import end_with
-from automos.core.run import Progress
+from automos.core.run import Progress, Run
 from automos.core.scan import Pose, Sequence
 from automos.core.working_folder import starting_processes
 from automos.core.workspace import Workspace, fingerprint
@@ -34,7 +35,7 @@ from automos.evaluation.predictions import find_predictions
 from automos.odometry.estimate import estimate_trajectory
 from automos.odometry.trajectory import SequenceFrames, Trajectory
 from automos.pipeline import stage_keys
-from automos.settings import PRESETS, Settings, load_settings
+from automos.settings import PRESETS, OdometrySettings, Settings, load_settings
 
 
 class MethodRuns:
@@ -78,25 +79,19 @@ class MethodRuns:
 
     def trajectory_of(self, method: str) -> Trajectory:
         """Return the poses for `method`."""
-        key = self._pose_key(method)
+        key, odometry = self._pose_key(method), self._odometry(method)
         if key not in self._trajectories:
-            stage = Workspace(self.folder / "poses").stage("odometry", key)
-            if not stage.has("all"):
-                found = estimate_trajectory(
-                    self.sequence,
-                    self._settings[self._pose_preset(method)].odometry,
-                    self._given,
-                    lambda done, n: self._progress("odometry", done, n),
-                )
-                stage.save("all", found.to_arrays())
-            self._trajectories[key] = Trajectory.from_arrays(stage.load("all"))
+            kept = Run(Workspace(self.folder / "poses"), {"odometry": key}, self.sequence.names, self._progress)
+            find = partial(estimate_trajectory, self.sequence, odometry, self._given)
+            found = kept.once("odometry", lambda tick: find(tick).to_arrays())
+            self._trajectories[key] = Trajectory.from_arrays(found)
         return self._trajectories[key]
 
-    def _pose_preset(self, method: str) -> str:
-        return method if self.poses == "own" and method in PRESETS else "default"
+    def _odometry(self, method: str) -> OdometrySettings:
+        return self._settings[method if self.poses == "own" and method in PRESETS else "default"].odometry
 
     def _pose_key(self, method: str) -> str:
-        odometry = self._settings[self._pose_preset(method)].odometry.model_dump(mode="json")
+        odometry = self._odometry(method).model_dump(mode="json")
         given = None if self._given is None else np.ascontiguousarray(self._given, np.float64).tobytes().hex()
         return fingerprint(self.sequence.fingerprint(), odometry, given)
 
