@@ -25,7 +25,7 @@ from automos.simulation.traffic.motion import transforms
 from automos.simulation.truth import Annotations, Verdicts, judge, upright_boxes
 from automos.simulation.world import World
 
-FORMAT = 5
+FORMAT = 6
 """Counts up whenever equal arguments no longer give equal bytes."""
 MOUNT_TILT = 0.006
 """Radians, standard deviation of the sensor's tilt in its mount."""
@@ -114,8 +114,7 @@ class SimulatedSequence(Sequence):
 
     def boxes(self, index: int) -> Annotations:
         """Return the objects of which scan `index` holds points."""
-        cast = self._cast(index)
-        n_points = np.bincount(cast.object[cast.object > 0], minlength=len(self.world.objects) + 1)[1:]
+        n_points = self._points_on_objects(index)
         rows = np.flatnonzero(n_points > 0)
         states, _ = self.world.object_states(self.stamps[index])
         T_level_site = self.T_level_world @ inverse(self._T_site_sensor(self.stamps[0]))
@@ -138,6 +137,11 @@ class SimulatedSequence(Sequence):
     def world(self) -> World:
         """The world; built when first asked for, once per process."""
         return _world(self.scenario, self.seed, len(self) * self.sensor.period, self.conditions.rig)
+
+    def _points_on_objects(self, index: int) -> npt.NDArray[np.int64]:
+        """Return (K,) the number of points of scan `index` on each object."""
+        found = self._cast(index).object
+        return np.bincount(found[found > 0], minlength=len(self.world.objects) + 1)[1:]
 
     @property
     def _verdicts(self) -> Verdicts:
@@ -217,8 +221,8 @@ def _world(scenario: str, seed: int, duration: float, rig: str) -> World:
 
 @lru_cache(maxsize=2)
 def _verdicts(sequence: SimulatedSequence) -> Verdicts:
-    still = _caster(sequence.world, sequence.conditions.rig).still
-    return judge(sequence.world, still, sequence.sensor, sequence._T_site_sensor(sequence.stamps), sequence.stamps)
+    is_seen = np.array([sequence._points_on_objects(i) > 0 for i in range(len(sequence))])
+    return judge(sequence.world, is_seen, sequence.stamps, sequence.sensor.period)
 
 
 @lru_cache(maxsize=2)

@@ -1,8 +1,7 @@
 """What is true of a world: which objects move at some time while observed, and the boxes an annotator would draw.
 
 Motion is judged by SemanticKITTI's rule, from the true one: a car that waits at the light and then drives is moving
-throughout; one that only moves where nobody could see it is not. "Observed" means that an unobstructed line leads from
-the sensor to it at mid-sweep.
+throughout; one that only moves where nobody could see it is not. "Observed" means that a scan holds a point of it.
 """
 
 from dataclasses import dataclass
@@ -13,8 +12,6 @@ import numpy.typing as npt
 
 from automos.core.geometry import Array, transform, wrap_angle
 from automos.core.upright_boxes import Boxes
-from automos.simulation.sensing.scene import Scene
-from automos.simulation.sensing.sensors import Sensor
 from automos.simulation.traffic.motion import transforms
 from automos.simulation.world import World
 
@@ -22,8 +19,6 @@ CERTAIN_MOTION = 0.5
 """Metres between two observed places from which on an annotator calls an object moving."""
 CERTAIN_REST = 0.1
 """Metres below which an annotator calls it static; in between it is unlabeled."""
-_SIGHTS = np.array([[0.0, 0.0, 0.2], *([0.4 * x, 0.4 * y, z] for x in (-1, 1) for y in (-1, 1) for z in (-0.2, 0.35))])
-"""(L, 3) points of an object that are looked at: shares of its size, from its middle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,47 +35,20 @@ class Verdicts:
     is_static: npt.NDArray[np.bool_]
 
 
-def judge(world: World, still: Scene, sensor: Sensor, T_site_sensor: Array, stamps: Array) -> Verdicts:
-    """Return which objects move while observed from the (S, 4, 4) poses at the (S,) `stamps`.
+def judge(world: World, is_seen: npt.NDArray[np.bool_], stamps: Array, period: float) -> Verdicts:
+    """Return which objects move while observed.
 
-    `still` is the scene of all that stands still: what hides an object.
+    is_seen : (S, K) whether the scan at each of the `stamps` (S,), the middle of a sweep of `period` seconds, holds a
+        point of each object.
     """
-    n_parked, n_movers = len(world.parked), len(world.movers)
-    first = np.full((n_movers, 3), np.nan)
-    moved = np.zeros(n_movers)
-    half = 0.5 * sensor.period
-    for T, time in zip(T_site_sensor, stamps, strict=True):
-        state, _, present = world.motion.at(float(time))
-        seen = np.flatnonzero(present)
-        seen = seen[_in_sight(world, still, sensor, T, state, seen)]
-        sweep = [world.motion.at(float(time) + side * half)[0][seen, :3] for side in (-1.0, 1.0)]
-        new = np.isnan(first[seen, 0])
-        first[seen[new]] = sweep[0][new]
-        moved[seen] = np.maximum(moved[seen], np.linalg.norm(sweep[1] - first[seen], axis=1))
+    first, moved = np.full((len(world.objects), 3), np.nan), np.zeros(len(world.objects))
+    for seen, time in zip(is_seen, stamps.tolist(), strict=True):
+        before, after = (world.object_states(time + side)[0][seen, :3] for side in (-0.5 * period, 0.5 * period))
+        first[seen] = np.where(np.isnan(first[seen]), before, first[seen])
+        moved[seen] = np.maximum(moved[seen], np.linalg.norm(after - first[seen], axis=1))
     was_seen = ~np.isnan(first[:, 0])
-    is_moving = np.concatenate([np.zeros(n_parked, bool), moved > CERTAIN_MOTION])
-    is_static = np.concatenate([np.ones(n_parked, bool), was_seen & (moved < CERTAIN_REST)])
-    return Verdicts(is_moving, is_static)
-
-
-def _in_sight(
-    world: World, still: Scene, sensor: Sensor, T: Array, state: Array, rows: npt.NDArray
-) -> npt.NDArray[np.bool_]:
-    """Return (len(rows),) bool: whether any looked-at point of each mover is within reach and not hidden."""
-    if len(rows) == 0:
-        return np.zeros(0, bool)
-    local = np.array([world.movers[k].center + _SIGHTS * world.movers[k].size for k in rows])  # (M, L, 3)
-    pose = transforms(state[rows])
-    targets = np.einsum("mij,mlj->mli", pose[:, :3, :3], local) + pose[:, None, :3, 3]
-    line = targets - T[:3, 3]
-    distance = np.linalg.norm(line, axis=2)
-    direction = (line / distance[..., None]).reshape(-1, 3).astype(np.float32)
-    origin = np.broadcast_to(T[:3, 3].astype(np.float32), direction.shape).copy()
-    face, _ = still.first(origin, direction, distance.ravel().astype(np.float32))
-    in_view = distance < sensor.max_range
-    if sensor.rosette:
-        in_view &= np.abs(np.arctan2(line @ T[:3, 1], line @ T[:3, 0])) < 0.5 * np.radians(sensor.rosette[0])
-    return np.any((face.reshape(distance.shape) < 0) & in_view, axis=1)
+    was_seen[: len(world.parked)] = True
+    return Verdicts(moved > CERTAIN_MOTION, was_seen & (moved < CERTAIN_REST))
 
 
 @dataclass(frozen=True, eq=False)
