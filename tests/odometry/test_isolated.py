@@ -81,13 +81,12 @@ def test_each_point_is_compensated_for_each_distance():
     assert DISTANCES[count > 0.0].mean() == pytest.approx(2.5 / 0.9, abs=0.06)
 
 
-def test_too_few_points_for_a_surface_are_kept_moved_and_timed_with_the_surfels():
+def test_too_few_points_for_a_surface_are_kept_and_moved_with_the_surfels():
     points = np.array([[10.0, 15.0, 1.0], *([10.0, 0.05 * k, 1.0] for k in range(4))], np.float32)
     surfels = surfels_of(points, np.full(5, 0.5, np.float32))
     assert (len(surfels), len(surfels.sparse)) == (1, 1)
     moved = surfels.compensated(np.array([2.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
     np.testing.assert_allclose(moved.sparse.mean[0], [11.0, 15.0, 1.0], atol=1e-6)
-    assert surfels.timed(lambda p: np.full(len(p), 0.25, np.float32)).sparse.time == 0.25
     assert surfels[:1].sparse is None
 
 

@@ -1,7 +1,5 @@
 """Background tasks of a stream: estimating the timing of sweeps, or the initial speed of the sensor."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -20,10 +18,10 @@ from automos.odometry.links import COARSE
 from automos.odometry.moving_windows import WINDOW_SCANS, bend_of
 from automos.odometry.one_lidar import with_one_lidar
 from automos.odometry.path import Path
-from automos.odometry.point_order import learn_order, sees_all_round
+from automos.odometry.point_order import sees_all_round
 from automos.odometry.submap import CLOSE
 from automos.odometry.sweep_timing import SweepTiming, recorded_duration
-from automos.odometry.timing import TimingChoice, choose_timing, rear_seam
+from automos.odometry.timing import TimingChoice, choose_timing, order_timing, rear_seam
 from automos.settings import OdometrySettings
 
 DELAY = 0.5
@@ -141,7 +139,6 @@ def timing_from_times(scan: Scan) -> SweepTiming | None:
 def usual_timing(scans: list[Scan], settings: OdometrySettings) -> SweepTiming | None:
     """Return the likely timing of sweeps, from two scans without times; None for a sensor that does not rotate."""
     sequence, _ = with_one_lidar(ArraySequence(scans), np.tile(np.eye(4), (2, 1, 1)))
-    order = learn_order(sequence) if settings.time in ("auto", "order") else None
-    if order is not None:
-        return SweepTiming("order", turn=order.turn, share=order.span / order.turns_per_scan, order=order)
-    return rear_seam() if settings.time in ("auto", "azimuth") and sees_all_round(sequence) else None
+    from_order = order_timing(sequence) if settings.time in ("auto", "order") else None
+    is_by_azimuth = from_order is None and settings.time in ("auto", "azimuth") and sees_all_round(sequence)
+    return rear_seam() if is_by_azimuth else from_order

@@ -6,8 +6,6 @@ error of the path is taken for one of the beams. Steep beams are left out: an er
 (of the height or the range of single lasers) is as large there.
 """
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -16,7 +14,6 @@ import numpy as np
 from automos.core.geometry import Array
 from automos.odometry.links import Alignment, Links
 from automos.odometry.refine import INFORMATION
-from automos.odometry.surfels import Surfels
 from automos.odometry.window import Window
 
 STEEP = 8.0
@@ -25,16 +22,16 @@ ROUNDS, CONVERGED_DEG = 4, 0.01
 """Estimates at most, each from the surfels that the one before has raised, and the change that ends them."""
 SCANS = 100
 """Scans that are compared, those of the longest path."""
-ABOUT = Alignment((0.3,), lags=(1.0, 2.0), max_distance=60.0)
+ABOUT = Alignment((0.3,), lags=(1.0, 2.0), max_distance=60.0, with_elevation=True)
 LEAST_DEG, CERTAIN = 0.05, 5.0
 """Degrees, and standard errors, from which an estimate is not that of a sensor without an offset."""
 
 
 def find_elevation(window: Window, pool: ThreadPoolExecutor | None = None) -> float:
     """Return the radians by which all beams point higher than the surfels of a `window` say; 0 unless that is clear."""
-    angle = 0.0
+    angle, flat = 0.0, [s[np.hypot(*s.mean[:, :2].T) > STEEP] for s in window.surfels]
     for _ in range(ROUNDS):
-        step, error = _estimate(replace(window, surfels=[_raised(s, angle) for s in window.surfels]), pool)
+        step, error = _estimate(replace(window, surfels=[surfels.raised(angle) for surfels in flat]), pool)
         angle += step
         if abs(step) < np.radians(CONVERGED_DEG):
             break
@@ -51,7 +48,7 @@ def longest_path(positions: Array) -> slice:
 
 def _estimate(window: Window, pool: ThreadPoolExecutor | None) -> tuple[float, float]:
     """Return the radians by which beams point higher, to first order, and the standard error."""
-    links = Links(ABOUT, pool, with_elevation=True)
+    links = Links(ABOUT, pool)
     fits = links.fit(window, links.choose(window), ABOUT.kernels[0])
     information = gradient = 0.0
     for fit in fits:
@@ -61,7 +58,3 @@ def _estimate(window: Window, pool: ThreadPoolExecutor | None) -> tuple[float, f
             information += INFORMATION * (fit.H[6, 6] - moved @ fit.H[:6, 6])
             gradient += INFORMATION * (fit.g[6] - moved @ fit.g[:6])
     return (-gradient / information, information**-0.5) if information > 0.0 else (0.0, np.inf)
-
-
-def _raised(surfels: Surfels, angle: float) -> Surfels:
-    return surfels[np.hypot(*surfels.mean[:, :2].T) > STEEP].raised(angle)

@@ -3,8 +3,6 @@
 Motion within a sweep is modelled as a constant twist: half of it before the reference time (mid-sweep), half after.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -1,7 +1,5 @@
 """A new path through the last scans, a few at a time, until it has caught up with the present one."""
 
-from __future__ import annotations
-
 from collections import deque
 from concurrent.futures import Future, ThreadPoolExecutor
 

@@ -1,7 +1,5 @@
 """What a reader of the poses should doubt, in sentences."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from automos.odometry.motion import MAX_ACCELERATION

@@ -5,8 +5,6 @@ where this one ends, so the sector drifts by its own width, which reveals the di
 scan. A doubled sector has twice the points in each direction that returns any, whatever the scene.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -3,14 +3,15 @@
 A place is then seen at another height from far than from near, which bends the path of a sensor that drives.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 
 from automos.core.scan import Points, Scan, Sequence
 from automos.core.views import View
+
+ON_AXIS = 1e-3
+"""Metres from the sensor's axis within which beams have no direction."""
 
 
 def raised(points: Points, angle: float) -> Points:
@@ -21,7 +22,7 @@ def raised(points: Points, angle: float) -> Points:
     x, y, z = points.T
     level = np.hypot(x, y)
     with np.errstate(invalid="ignore", over="ignore"):
-        shrunk = c - s * z / np.maximum(level, np.float32(1e-3))
+        shrunk = c - s * z / np.maximum(level, np.float32(ON_AXIS))
         return np.stack([x * shrunk, y * shrunk, c * z + s * level], axis=1)
 
 

@@ -1,7 +1,5 @@
 """The steps of the odometry: sweep timing, poses, refinement, ground (paper III-A)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace

@@ -6,8 +6,6 @@ assumption, these scans are followed again, a few with every new scan, until the
 replaces the old one. Who waits longer has more scans for it.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Callable
@@ -158,8 +156,7 @@ class Odometry:
 
     def _correct(self) -> tuple[list[Followed], Pose | None]:
         """Return scans registered again, and the transform of a path that replaces the current one."""
-        if self._correction is None:
-            self._correction = self._pending_correction(self._clock.stamp)
+        self._correction = self._correction or self._pending_correction(self._clock.stamp)
         if self._correction is None:
             return [], None
         again = self._correction.advance()

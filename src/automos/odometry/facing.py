@@ -5,8 +5,6 @@ another speed has no common peak. From nearly the same position, nearly everythi
 which little is re-observed is weighted down accordingly.
 """
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
@@ -21,6 +19,7 @@ from automos.core.scan import Pose
 from automos.core.voxels import find_slot
 from automos.odometry.isolated import CLOSE, count_met_again, isolated_points
 from automos.odometry.motion import signed_distance
+from automos.odometry.submap import CLOSE as SURFACE
 from automos.odometry.submap import Submap, make_submap, voxel_of
 from automos.odometry.surfels import Surfels, moved
 from automos.odometry.window import Window
@@ -45,8 +44,8 @@ LAGS = (0.3, 0.8)
 """Seconds, baselines: moving objects have no common peak over both."""
 EVERY = 0.5
 """Seconds between the evaluated places."""
-STEP = 0.125
-"""m/s between speeds tried: 10 cm over the longer baseline."""
+STEP = SURFACE / max(LAGS)
+"""m/s between speeds tried: what surfaces may be off over the longer baseline."""
 WEIGHTS = np.array([1.0, 1.0, 4.0])
 """Weights of low surfaces, those far beside, and those higher than any vehicle, which cannot be traffic."""
 LANDMARKS = np.array([False, True, True])

@@ -1,7 +1,5 @@
 """What is known of a scan before and after it is followed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

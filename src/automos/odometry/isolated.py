@@ -6,8 +6,6 @@ path, marks a position along the path as well: at 30 m/s, one in twenty or more 
 A long wall or a crash barrier has no isolated points.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial import KDTree
 
@@ -53,9 +51,9 @@ def count_met_again(
     second = (there.mean @ T_here_there[:3, :3].T + T_here_there[:3, 3]) @ axes - np.array([1.0, 0.0, 0.0]) * present
     if not len(first) or not len(second):
         return np.zeros(len(distances))
-    found = KDTree(second[:, 1:]).query_ball_tree(KDTree(first[:, 1:]), 2.0 * CLOSE)
-    j = np.repeat(np.arange(len(found)), [len(rows) for rows in found])
-    i = np.concatenate([np.array(rows, int) for rows in found])
+    here_at, there_at = KDTree(first[:, 1:]), KDTree(second[:, 1:])
+    pairs = here_at.sparse_distance_matrix(there_at, 2.0 * CLOSE, output_type="ndarray")
+    i, j = pairs["i"], pairs["j"]
     later = share * (there.time[j] - here.time[i])
     apart = (first[i, 0] - second[j, 0] + later * present) / (1.0 + later)
     # What is met at its place in the sensor's frame may be a ring's, on a wall that is seen at a grazing angle.

@@ -1,14 +1,13 @@
 """Alignment of scans with submaps up to a few seconds before and after them, and how thick walls are then."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
+import numpy.typing as npt
 
 from automos.core.geometry import Array, inverse
 from automos.core.parallel import map_in_shares
@@ -37,6 +36,7 @@ class Alignment:
     submap_length: float = 0.3  # s of scans in a submap
     max_distance: float = 25.0  # m between a scan and its submaps, at most: beyond it, they have too little in common
     max_surfels: int = 2500  # of a scan aligned with one submap; more take time without further information
+    with_elevation: bool = False  # fits the elevation of the beams as a seventh unknown
 
 
 COARSE = Alignment((0.2, 0.2), noise=0.05, submap_length=0.5, max_distance=40.0, max_surfels=800)
@@ -44,28 +44,20 @@ COARSE = Alignment((0.2, 0.2), noise=0.05, submap_length=0.5, max_distance=40.0,
 
 
 class Consistency(NamedTuple):
-    """How well scans align with other scans, one row per link of a scan with a submap.
-
-    Equation: misfit
-    """
+    """How well scans align with other scans, one row per link of a scan with a submap."""
 
     lag: Array  # (L,) seconds between scan and submap
     thickness: Array  # (L,) metres, distance of surfels from the surfaces they match (root of the robust mean square)
     disagreement: Array  # (L,) metres by which the link alone would move the scan
-    share: Array  # (L,) of the surfels that match a surface and lie on it
     distance: Array  # (L,) metres between the scan and the middle of the submap
 
-    @property
-    def misfit(self) -> float | None:
-        """Logarithm of the wall thickness over the share of surfels that match, both medians; None without links."""
-        return float(np.log(np.median(self.thickness) / np.median(self.share))) if len(self.share) else None
-
     @classmethod
-    def concatenate(cls, parts: list[Consistency]) -> Consistency:
+    def concatenate(cls, parts: list[Self]) -> Self:
         """Return the links of all `parts`, at least one."""
         return cls(*map(np.concatenate, zip(*parts, strict=True)))
 
 
+Ids = npt.NDArray[np.int64]
 Link = tuple[int, int]
 """Numbers of a scan, and of the middle scan of a submap, in the recording."""
 
@@ -81,20 +73,16 @@ class _LinkFits(NamedTuple):
     by_kernel: dict[float, _Fitted]
 
 
-_NO_FIT = _Fitted(np.eye(4), Fit(np.zeros((6, 6)), np.zeros(6), 0, 0, 0, 0.0))
-
-
 class Links:
     """The links of a window that moves along a recording: submaps and fits, kept while the poses that made them agree.
 
     Most of both are those of the scan before, so that a new scan costs little more than its own links.
     """
 
-    def __init__(self, about: Alignment, pool: ThreadPoolExecutor | None = None, with_elevation: bool = False):
-        """Take threads; `with_elevation` fits the elevation of the beams as a seventh unknown."""
+    def __init__(self, about: Alignment, pool: ThreadPoolExecutor | None = None):
+        """Take threads."""
         self.about = about
         self.work_in(pool)
-        self._with_elevation = with_elevation
         self._submaps: dict[int, tuple[Pose, Submap]] = {}  # by middle scan: its parts' poses, and itself
         self._fits: dict[Link, _LinkFits] = {}
 
@@ -133,40 +121,38 @@ class Links:
 
     def fit(self, window: Window, links: list[Link], kernel: float) -> list[Fit]:
         """Return the fit of each of `links`, to first order where poses have hardly changed since the last one."""
-        T, each = window.T_world_sensor, self._each
-        centers = sorted({center for _, center in links})
-        submaps = dict(zip(centers, self._submaps_at(window, centers), strict=True))
-        of_links = [self._fits_of(link, submaps[link[1]], window.surfels[link[0] - window.first]) for link in links]
-        ids = np.array(links, int).reshape(-1, 2) - window.first
-        T_center_scan = inverse(T[ids[:, 1]]) @ T[ids[:, 0]]
-        made = [known.by_kernel.get(kernel, _NO_FIT) for known in of_links]
-        T_then = np.array([known.T for known in made]).reshape(-1, 4, 4)
-        is_other = is_moved(T_then, T_center_scan)
-        change = small_motion(T_then, T_center_scan)
+        T = window.T_world_sensor
+        self._make_submaps(window, sorted({center for _, center in links}))
+        of_links = [self._fits_of(link, window.surfels[link[0] - window.first]) for link in links]
+        scan, center = rows_of(links, window)
+        T_center_scan = inverse(T[center]) @ T[scan]
+        made = {k: known.by_kernel[kernel] for k, known in enumerate(of_links) if kernel in known.by_kernel}
+        T_then, T_now = np.array([known.T for known in made.values()]).reshape(-1, 4, 4), T_center_scan[list(made)]
+        is_same, change = ~is_moved(T_then, T_now), small_motion(T_then, T_now)
+        fits = {k: fit.moved(c) for (k, (_, fit)), c, same in zip(made.items(), change, is_same, strict=True) if same}
 
         def fit(k: int) -> _Fitted:
             (scan, center), (submap, surfels, _) = links[k], of_links[k]
             every = max(-(-len(surfels) // self.about.max_surfels), 1)  # a different subset for each link
             some = surfels[(scan + center) % every :: every]
-            about = kernel, self.about.noise, self._with_elevation
+            about = kernel, self.about.noise, self.about.with_elevation
             return _Fitted(T_center_scan[k], fit_surfels(submap, some, T_center_scan[k], *about))
 
-        todo = [k for k in range(len(links)) if made[k] is _NO_FIT or is_other[k]]
-        fits = [known.fit.moved(c) for known, c in zip(made, change, strict=True)]
-        for k, found in zip(todo, each(fit, todo), strict=True):
+        todo = [k for k in range(len(links)) if k not in fits]
+        for k, found in zip(todo, self._each(fit, todo), strict=True):
             of_links[k].by_kernel[kernel] = found
             fits[k] = found.fit
-        return fits
+        return [fits[k] for k in range(len(links))]
 
-    def _fits_of(self, link: Link, submap: Submap, surfels: Surfels) -> _LinkFits:
-        """Return the fits of `surfels` to `submap`; none if the link has other ones now."""
-        known = self._fits.get(link)
+    def _fits_of(self, link: Link, surfels: Surfels) -> _LinkFits:
+        """Return the fits of a link of a scan with `surfels`; none if the link has other ones, or another submap."""
+        known, submap = self._fits.get(link), self._submaps[link[1]][1]
         if known is None or known.submap is not submap or known.surfels is not surfels:
             known = self._fits[link] = _LinkFits(submap, surfels, {})
         return known
 
-    def _submaps_at(self, window: Window, centers: list[int]) -> list[Submap]:
-        """Return the submaps about the scans `centers`, made anew where the poses of their parts have changed."""
+    def _make_submaps(self, window: Window, centers: list[int]) -> None:
+        """Make the submaps about the scans `centers` where there are none, or the poses of their parts have changed."""
         half, T = self.half_width(window), window.T_world_sensor
         at = np.array(centers, int) - window.first
         around = [slice(max(k - half, 0), k + half + 1) for k in at.tolist()]
@@ -174,7 +160,6 @@ class Links:
         todo = [k for k, center in enumerate(centers) if self._is_other(center, parts[k])]
         made = self._each(lambda k: make_submap(window.surfels[around[k]], parts[k]), todo)
         self._submaps.update({centers[k]: (parts[k], submap) for k, submap in zip(todo, made, strict=True)})
-        return [self._submaps[center][1] for center in centers]
 
     def _is_other(self, center: int, parts: Pose) -> bool:
         """Whether the submap about scan `center` was not made of these `parts` (P, 4, 4)."""
@@ -182,6 +167,17 @@ class Links:
             return True
         then = self._submaps[center][0]
         return len(then) < len(parts) or bool(is_moved(then[-len(parts) :], parts, SAME_SURFACE).any())
+
+
+def rows_of(links: list[Link], window: Window) -> Ids:
+    """Return (2, L) the rows of the scans, and of the submaps' middle scans, of `links` in the window."""
+    return np.array(links, int).reshape(-1, 2).T - window.first
+
+
+def that_match(links: list[Link], fits: list[Fit], window: Window) -> tuple[Ids, list[Fit]]:
+    """Return the rows (see `rows_of`) and fits of the links of scans with submaps that match enough surfels."""
+    kept = [k for k, fit in enumerate(fits) if fit.n_matched >= MIN_MATCHED]
+    return rows_of([links[k] for k in kept], window), [fits[k] for k in kept]
 
 
 def share_close(fits: list[Fit]) -> float:
@@ -192,15 +188,12 @@ def share_close(fits: list[Fit]) -> float:
 def consistency_of(window: Window, links: list[Link], fits: list[Fit]) -> Consistency:
     """Return how well scans align under the `fits` of `links`."""
     clock, T = window.clock, window.T_world_sensor
-    kept = [k for k, f in enumerate(fits) if f.n_matched >= MIN_MATCHED]
-    good = [fits[k] for k in kept]
-    scan, center = np.array([links[k] for k in kept], int).reshape(-1, 2).T - window.first
+    (scan, center), good = that_match(links, fits, window)
     solved = [np.linalg.solve(f.H + 1e-6 * np.trace(f.H) * np.eye(len(f.H)), f.g)[:3] for f in good]
     return Consistency(
         lag=np.abs(clock[scan] - clock[center]),
         thickness=np.array([f.thickness for f in good]),
         disagreement=np.linalg.norm(np.reshape(solved, (-1, 3)), axis=1),
-        share=np.array([f.n_close / f.n_surfels for f in good]),
         distance=np.linalg.norm(T[scan, :3, 3] - T[center, :3, 3], axis=1),
     )
 

@@ -7,18 +7,18 @@ path, but registrations are right there. The speed is searched first: where regi
 theirs stands out.
 """
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from automos.core.geometry import Array, inverse
 from automos.core.scan import Pose
 from automos.odometry.facing import BESIDE, EVIDENCE, WEIGHTS, facing_surfaces, score_distances, weighed_down
 from automos.odometry.isolated import count_met_again, isolated_points
+from automos.odometry.motion import MIN_STEP
 from automos.odometry.speed import direction_of, lengthen, to_likely_speed
 from automos.odometry.submap import CLOSE
 from automos.odometry.window import Window
@@ -28,10 +28,10 @@ N_AROUND = 3  # steps on either side that define the usual speed
 TRIED = np.arange(1.0, 7.0)  # hypotheses on the gaps of a step: up to five consecutive missing scans are detected
 LAGS = 2  # steps over which surfaces are re-observed, at most: over more, errors of several steps add up
 ROUNDS = 3  # searches for the speed, at most, each with the gaps that were found at the previous one
-LEAST_STEP = 0.2  # metres; if steps are usually shorter, double steps cannot be distinguished from single ones
+LEAST_STEP = 2.0 * MIN_STEP  # metres; of shorter usual steps, double ones cannot be told from single ones
 STEP_NOISE = 0.05  # metres, error of a registration from scan to scan
 MISTAKEN = 14.0  # greatest log-odds that a registration contributes: it may follow traffic
-SELDOM, EACH = 8.0, 1.0  # prior log-odds that no scan is missing at a place, and for each further missing scan
+SELDOM = 8.0  # prior log-odds that no scan is missing at a place, and one more for each further missing scan
 REFOUND = 30.0  # log-odds if over one of three pairs of scans, all that faces along the path is re-observed
 CHANCE = 0.1  # share re-observed by chance for each missing scan: posts along a road are evenly spaced
 
@@ -76,26 +76,21 @@ def find_missing(
     Equation: missing
     """
     travelled, found = steps[:, :3, 3], gaps
-    rarity = SELDOM + EACH * (TRIED - 1.0)
+    rarity = SELDOM + (TRIED - 1.0)
     certain = np.hypot(STEP_NOISE, usual_acceleration * (period * TRIED) ** 2)
     for _ in range(2):  # neighbouring steps may have gaps, too
-        velocity, found = travelled / found[:, None], gaps.copy()
-        for k in range(len(travelled)):
-            sides = [velocity[max(k - N_AROUND, 0) : k], velocity[k + 1 : k + 1 + N_AROUND]]
-            medians = [np.median(side, axis=0) for side in sides if len(side) == N_AROUND]
-            if not medians:
-                continue
-            before, after = medians[0], medians[-1]
-            usual = 0.5 * (before + after)
-            length = np.linalg.norm(usual)
-            if length < LEAST_STEP:
-                continue  # double steps are hardly longer
-            deviation = np.hypot(certain, 0.5 * TRIED * np.linalg.norm(after - before))  # either side may be right
-            off = np.linalg.norm(travelled[k] - TRIED[:, None] * usual, axis=1) / deviation
-            cost = np.minimum(0.5 * off**2, MISTAKEN) + np.log(deviation) + rarity * (gaps[k] != TRIED)
-            if refound is not None:
-                cost -= REFOUND * np.maximum(refound[k] - CHANCE * (TRIED - 1.0), 0.0)
-            found[k] = TRIED[np.argmin(cost)]
+        medians = np.median(_windows(travelled / found[:, None], N_AROUND), axis=-1)  # NaN of fewer
+        before, after = medians[: len(gaps)], medians[N_AROUND + 1 :]
+        before, after = np.where(np.isnan(before), after, before), np.where(np.isnan(after), before, after)
+        usual = 0.5 * (before + after)
+        apart = np.linalg.norm(after - before, axis=1)[:, None]
+        deviation = np.hypot(certain, 0.5 * TRIED * apart)  # either side may be right
+        off = np.linalg.norm(travelled[:, None] - TRIED[:, None] * usual[:, None], axis=2) / deviation
+        cost = np.minimum(0.5 * off**2, MISTAKEN) + np.log(deviation) + rarity * (gaps[:, None] != TRIED)
+        if refound is not None:
+            cost -= REFOUND * np.maximum(refound - CHANCE * (TRIED - 1.0), 0.0)
+        is_long = np.linalg.norm(usual, axis=1) >= LEAST_STEP  # else double steps are hardly longer
+        found = np.where(is_long, TRIED[np.argmin(cost, axis=1)], gaps)
     return found
 
 
@@ -142,7 +137,10 @@ def _usual(velocities: Array) -> Array:
     """Return (M, 3) the median of the `velocities` (M, 3) around each; zero if there is only one."""
     if len(velocities) == 1:
         return np.zeros_like(velocities)
-    around = np.full((2 * N_AROUND, *velocities.shape), np.nan)
-    for k in range(N_AROUND):
-        around[2 * k, k + 1 :], around[2 * k + 1, : -(k + 1)] = velocities[: -(k + 1)], velocities[k + 1 :]
-    return np.nanmedian(around, axis=0)
+    return np.nanmedian(np.delete(_windows(velocities, 2 * N_AROUND + 1), N_AROUND, axis=-1), axis=-1)
+
+
+def _windows(velocities: Array, n: int) -> Array:
+    """Return all `n` successive ones of the `velocities` (M, 3), as if there were `N_AROUND` NaN at both ends."""
+    padded = np.pad(velocities, ((N_AROUND, N_AROUND), (0, 0)), constant_values=np.nan)
+    return sliding_window_view(padded, n, axis=0)

@@ -1,14 +1,11 @@
 """The points that odometry uses, and the motion that a sequence of poses describes."""
 
-from __future__ import annotations
-
 from itertools import accumulate
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.core.geometry import Array, inverse, se3_log
-from automos.core.kernels import kernel
 from automos.core.scan import MIN_RANGE, Points, Pose, Scan
 from automos.odometry.compensation import compensate
 from automos.odometry.sweep_timing import SweepTiming, sweep_times
@@ -39,7 +36,11 @@ def timed_points(
     scan: Scan, timing: SweepTiming, settings: OdometrySettings
 ) -> tuple[Points, npt.NDArray[np.float32] | None]:
     """Return the valid points in range (M, 3), uncompensated, with times (M,) or None; leaves out ambiguous times."""
-    rows = _rows_in_range(scan.rays, max(settings.min_range, MIN_RANGE), settings.max_range)
+    x, y, z = scan.rays.T
+    with np.errstate(over="ignore", invalid="ignore"):  # never true of NaN
+        squared = (x * x + y * y + z * z).astype(np.float64)
+    nearest, farthest = max(settings.min_range, MIN_RANGE), settings.max_range
+    rows = np.flatnonzero((nearest * nearest < squared) & (squared < farthest * farthest))
     times = sweep_times(scan, timing)
     if times is not None:
         times = np.take(times, rows)
@@ -93,16 +94,3 @@ def greatest_acceleration(poses: Pose, times: Array) -> tuple[float, int]:
 def can_be_driven(poses: Pose, times: Array) -> bool:
     """Return whether a vehicle can follow (N, 4, 4) `poses` at `times` (N,), seconds."""
     return greatest_acceleration(poses, times)[0] <= MAX_ACCELERATION
-
-
-@kernel
-def _rows_in_range(points, nearest, farthest):  # type: ignore[no-untyped-def]
-    rows = np.empty(len(points), np.int32)
-    n = 0
-    for i in range(len(points)):
-        x, y, z = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
-        squared = x * x + y * y + z * z
-        if nearest * nearest < squared < farthest * farthest:  # never true of NaN
-            rows[n] = i
-            n += 1
-    return rows[:n]

@@ -1,17 +1,15 @@
 """Short windows in which the sensor moves, and the hypothesis on the sweep timing under which they align best."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache, partial
 
 import numpy as np
 
 from automos.core.geometry import Array, inverse, se3_log
 from automos.core.scan import Pose, Scan, Sequence
-from automos.odometry.clock import Clock
+from automos.odometry.clock import USUAL_PERIOD, Clock
 from automos.odometry.links import COARSE, MIN_MATCHED, Links
 from automos.odometry.motion import step_twists
 from automos.odometry.refine import align
@@ -42,21 +40,12 @@ CLEAR_ERRORS = (4.0, 2.0)
 """Standard errors between the best and every hypothesis of another kind from which no more windows are needed: at
 first, and after `WINDOWS` windows. By the latter, a hypothesis must be better than an assumed one."""
 
-ON_NEIGHBOURS = replace(COARSE, kernels=(0.5, 0.3), lags=(0.1, 0.2), submap_every=0.1, submap_length=0.0)
+ON_NEIGHBOURS = replace(COARSE, kernels=(0.5, 0.3), lags=(0.1, 0.2), submap_every=USUAL_PERIOD, submap_length=0.0)
 """Each scan with its neighbours: adapts their steps to the times of a hypothesis, by up to half a metre."""
 
 
-@dataclass(frozen=True, eq=False)
-class MovingWindow:
-    """N consecutive scans in which the sensor moves."""
-
-    first: int  # index of the first scan
-    by_source: dict[str, Window]  # at rough poses, of points compensated with the times of each source
-
-    @property
-    def rough(self) -> Pose:
-        """(N, 4, 4) rough poses."""
-        return self.by_source["none"].T_world_sensor
+BySource = dict[str, Window]
+"""N consecutive scans at rough poses, of points compensated with the times of each source."""
 
 
 def moving_windows(
@@ -66,7 +55,7 @@ def moving_windows(
     clock: Clock,
     from_points: list[SweepTiming],
     pool: ThreadPoolExecutor | None,
-) -> Iterator[MovingWindow]:
+) -> Iterator[BySource]:
     """Yield the windows of the recording in which the sensor moves, starting from the middle.
 
     `from_points` : timings that need the points of a whole scan, at most one of each source.
@@ -85,12 +74,12 @@ def moving_windows(
         rough = Window(surfels, at_rest, poses[first : first + length], gaps, clock.period, 0.0)
         if bend_of(rough.T_world_sensor) < CLOSE:  # less than inliers are off
             continue
-        by_source: dict[str, Window] = {"none": rough}
+        by_source = {"none": rough}
         for timing in from_points:
             twists = timing.share * step_twists(rough.T_world_sensor, gaps)
             timed = _surfels_of(scans, twists, timing, settings, each)
             by_source[timing.source] = replace(rough, surfels=timed, twists=twists)
-        yield MovingWindow(first, by_source)
+        yield by_source
 
 
 def bend_of(T_world_sensor: Pose) -> float:
@@ -107,8 +96,8 @@ def _surfels_of(
     return list(each(partial(scan_surfels, timing=timing, settings=settings), scans, twists))
 
 
-def _measure_misfits(
-    guess: SweepTiming, window: MovingWindow, is_rough: bool, is_cut: bool, settings: OdometrySettings
+def measure_misfits(
+    guess: SweepTiming, window: BySource, is_rough: bool, is_cut: bool, settings: OdometrySettings
 ) -> Array:
     """Return (L,) the misfit of each link of the window after its poses are re-estimated under the guess.
 
@@ -116,12 +105,14 @@ def _measure_misfits(
     Raw scans agree on the motion between two views of a place, which are a turn of the sensor apart. Where that is not
     a scan (`is_cut`), steps are adapted to the times of the guess, too, and the better result counts. Elsewhere this
     gains nothing and may end at a standstill, where the rings of all scans coincide.
+
+    Equation: misfit
     """
-    timed = window.by_source["none" if guess.has_fixed_seam else guess.source]
+    timed = window["none" if guess.has_fixed_seam else guess.source]
     if guess.has_fixed_seam:  # which gives surfels their times; those of other sources have theirs from the points
         times = partial(azimuth_times, turn=guess.turn, seam_deg=guess.seam_deg or 0.0)
-        timed = replace(timed, surfels=[of_scan.timed(times) for of_scan in timed.surfels])
-    timed = replace(timed, share=guess.share).moved(window.rough)
+        timed = replace(timed, surfels=[replace(s, time=times(s.mean), sparse=None) for s in timed.surfels])
+    timed = replace(timed, share=guess.share).moved(timed.T_world_sensor)
     links, found, starts = Links(COARSE), [], [timed]
     chosen = links.choose(timed)
     if is_cut and guess.share != 0.0:
@@ -145,22 +136,22 @@ class Search:
 
     def __init__(self, settings: OdometrySettings, pool: ThreadPoolExecutor | None, is_cut: bool = False):
         self._map: Callable = map if pool is None else pool.map
-        self._measure = cache(partial(_measure_misfits, is_cut=is_cut, settings=settings))
-        self.windows: list[MovingWindow] = []
+        self.windows: list[BySource] = []
+        self._measure = cache(lambda guess, k, rough: measure_misfits(guess, self.windows[k], rough, is_cut, settings))
         self.misfits: dict[str, float] = {}  # see `TimingChoice`
         self.is_clear = False  # whether all hypotheses of another kind than the best are worse, or no different
 
-    def add(self, window: MovingWindow) -> None:
+    def add(self, window: BySource) -> None:
         """Add a window to the evaluation."""
         self.windows.append(window)
         self.misfits, self.is_clear = {}, True
 
     def _evaluate(self, guesses: list[SweepTiming], is_rough: bool) -> Array:
         """Return (G, L) misfits of the links of all windows."""
-        tasks = [(guess, window, is_rough) for guess in guesses for window in self.windows]
+        tasks = [(guess, k, is_rough) for k in range(len(self.windows)) for guess in guesses]
         found = list(self._map(self._measure, *zip(*tasks, strict=True)))
-        n = len(self.windows)
-        return np.array([np.concatenate(found[g * n : (g + 1) * n]) for g in range(len(guesses))])
+        n = len(guesses)
+        return np.hstack([np.array(found[k : k + n]) for k in range(0, len(found), n)])
 
     def likeliest(self, guesses: list[SweepTiming], n: int) -> list[SweepTiming]:
         """Return the `n` of `guesses` under which the windows align best with their current poses, in their order."""

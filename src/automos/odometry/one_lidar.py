@@ -1,7 +1,5 @@
 """One of several LiDARs whose clouds are merged, as a recording of its own."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from automos.core.arrays import evenly_spread

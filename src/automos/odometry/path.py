@@ -8,8 +8,6 @@ Who can wait is given more: scans are kept for as long as he waits, `WINDOW` at 
 speed and the elevation of the beams are found in all of them, and all are refined.
 """
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -26,7 +24,7 @@ from automos.odometry.motion import MIN_POINTS, usable_points
 from automos.odometry.refine import FIRST_STEPS, align, refine_poses, registered, solve_links
 from automos.odometry.settling import elevation_in, settle
 from automos.odometry.speed import SpeedSearch
-from automos.odometry.surfels import Surfels, surfels_of
+from automos.odometry.surfels import surfels_of
 from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.window import SAME_POSE, Window
 from automos.settings import OdometrySettings
@@ -114,20 +112,21 @@ class Path:
 
     def push(self, timed: TimedScan, scan: Scan | None = None) -> Posed:
         """Return the pose of the next scan, read unless it is given; those before it are refined, see `poses`."""
+        self._leaving = {}
         if self.is_patient and len(self.window) >= self._scans(self._reach + self._wait):
             self._settle()
-            settled = self.poses
+            self._leaving = self.poses
             self._drop()
-            self._leaving = settled
-        else:
-            self._leaving = {}
         during = self.timing.share * self.twist
         scan = raised_scan(timed.scan if scan is None else scan, self.elevation)
         self._is_one = scan.n_sensors == 1
         points, times = usable_points(scan, self.timing, during, self._settings)
         is_alone, is_empty = len(self.window) == 0, len(points) < MIN_POINTS
         step = np.eye(4) if is_alone else se3_exp(timed.gap * self.twist)
-        self._append(timed, surfels_of(points, times, self.timing.has_seam), during, self.T_world_sensor @ step)
+        surfels, T, no_gaps = surfels_of(points, times, self.timing.has_seam), self.T_world_sensor @ step, np.zeros(0)
+        newest = Window([surfels], during[None], T[None], no_gaps, timed.period, self.timing.share)
+        self.window = self.window.then([] if is_alone else [timed.gap], newest)
+        self.stamps = [*self.stamps, timed.stamp]
         self.empty += [timed.stamp] if is_empty else []
         if not is_alone and not is_empty:
             if self._align_newest() > 0.0:
@@ -148,19 +147,6 @@ class Path:
         self._find_twist()
         self._drop()
 
-    def _append(self, timed: TimedScan, surfels: Surfels, twist: Array, T: Pose) -> None:
-        self.stamps = [*self.stamps, timed.stamp]
-        w = self.window
-        self.window = Window(
-            [*w.surfels, surfels],
-            np.vstack([w.twists, twist]),
-            np.concatenate([w.T_world_sensor, T[None]]),
-            np.append(w.gaps, timed.gap)[0 if len(w) else 1 :],
-            timed.period,
-            self.timing.share,
-            w.first,
-        )
-
     @property
     def _reach(self) -> float:
         """Seconds from the newest scan to the oldest one that one whose pose is not final is aligned with."""
@@ -168,9 +154,8 @@ class Path:
 
     def _drop(self) -> None:
         """Drop the scans of which nothing is needed any more; whose pose is older than `FREE` is final."""
-        n = len(self.window)
-        first = max(n - self._scans(self._reach), 0)
-        self.window, self.stamps = self.window.part(first), self.stamps[first:]
+        self.window = self._recent()
+        self.stamps = self.stamps[-len(self.window) :]
         self._n_final = max(len(self.window) - self._scans(FREE), 0)
         self._links.forget(self.window.first)
 
@@ -187,7 +172,9 @@ class Path:
         tried = [self._aligned_from(window, window.T_world_sensor[-1], window.gaps[-1])]
         is_second = len(self.window) + self.window.first == 2 and not self._is_start_known
         if is_second or tried[0][1] < DOUBTFUL * self._share:
-            starts = window.T_world_sensor[-2] @ se3_exp(FIRST_STEPS) if is_second else [registered(window)]
+            axes = np.concatenate([np.eye(6)[:2], -np.eye(6)[:2]])
+            ahead = window.T_world_sensor[-2] @ se3_exp(np.concatenate([step * axes for step in FIRST_STEPS]))
+            starts = ahead if is_second else [registered(window)]
             gaps = window.gaps[-1:] if is_second or self._has_stamps else TRIED
             tried += [self._aligned_from(window, start, gap) for start in starts for gap in gaps]
         found, share = max(tried, key=lambda one: one[1])
@@ -201,14 +188,8 @@ class Path:
 
     def _take(self, part: Window) -> None:
         """Replace the last scans of the window by `part`."""
-        w, k = self.window, len(self.window) - len(part)
-        self.window = replace(
-            w,
-            surfels=[*w.surfels[:k], *part.surfels],
-            twists=np.vstack([w.twists[:k], part.twists]),
-            T_world_sensor=np.concatenate([w.T_world_sensor[:k], part.T_world_sensor]),
-            gaps=np.concatenate([w.gaps[:k], part.gaps]),
-        )
+        k = len(self.window) - len(part)
+        self.window = self.window.part(0, k).then(self.window.gaps[max(k - 1, 0) : k], part)
 
     def _aligned_from(self, window: Window, guess: Pose, gap: float) -> tuple[Window, float]:
         """Return the window with the newest scan aligned with the submaps before it, and its share of close surfels."""

@@ -5,8 +5,6 @@ the driver cut its stream. It is measured on blocks of neighbouring points, sinc
 are shuffled or sorted otherwise, such as by beam, give no times: there, the azimuth and its seam do (`drifting_seam`).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

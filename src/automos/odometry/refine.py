@@ -5,8 +5,6 @@ static world. Over longer baselines, errors of centimetres produce double walls,
 position. All links are solved together with a weak prior on even motion, which bridges scans without links.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 
@@ -15,7 +13,7 @@ import numpy as np
 from automos.core.geometry import Array, adjoint, inverse, se3_exp, se3_log, transform
 from automos.core.normal_equations import FIXED, NormalEquations
 from automos.core.scan import Pose
-from automos.odometry.links import MIN_MATCHED, Alignment, Consistency, Link, Links, consistency_of, share_close
+from automos.odometry.links import Alignment, Consistency, Link, Links, consistency_of, share_close, that_match
 from automos.odometry.motion import can_be_driven
 from automos.odometry.speed import SpeedSearch, is_ahead, lengthen, search_speed
 from automos.odometry.submap import Fit
@@ -26,7 +24,7 @@ INFORMATION = 0.05
 """Share of a surfel's weight that counts, since errors of neighbouring surfels are correlated."""
 LOOSE = 1e-3  # prior information on every pose, which keeps scans without links in place
 SPEED_ROUNDS = 5  # searches for the speed, at most, each from the poses of the previous one
-FIRST_STEPS = np.concatenate([s * np.vstack([np.eye(6)[:2], -np.eye(6)[:2]]) for s in (0.4, 0.8, 1.2, 1.8, 2.5)])
+FIRST_STEPS = (0.4, 0.8, 1.2, 1.8, 2.5)
 """Metres along the sensor's axes to the second scan: a registration that starts at rest may stay there."""
 WIDE = 3.0
 """Metres between points that match, at most: a sensor in a hand is turned within a scan by more than surfaces are
@@ -74,13 +72,12 @@ def solve_links(
 
 def _add_links(equations: NormalEquations, links: list[Link], fits: list[Fit], window: Window) -> None:
     """Add the links of scans with submaps that match enough surfels."""
-    kept = [k for k, fit in enumerate(fits) if fit.n_matched >= MIN_MATCHED]
-    scan, center = np.array([links[k] for k in kept], int).reshape(-1, 2).T - window.first
+    (scan, center), good = that_match(links, fits, window)
     T = window.T_world_sensor
-    H = INFORMATION * np.array([fits[k].H for k in kept]).reshape(-1, 6, 6)
-    g = INFORMATION * np.array([fits[k].g for k in kept]).reshape(-1, 6)
+    H = INFORMATION * np.array([fit.H for fit in good]).reshape(-1, 6, 6)
+    g = INFORMATION * np.array([fit.g for fit in good]).reshape(-1, 6)
     of_scan = adjoint(inverse(T[center]) @ T[scan])
-    equations.add([(center, np.tile(-np.eye(6), (len(kept), 1, 1))), (scan, of_scan)], H, g)
+    equations.add([(center, np.tile(-np.eye(6), (len(good), 1, 1))), (scan, of_scan)], H, g)
 
 
 def _add_even_motion(equations: NormalEquations, window: Window, settings: OdometrySettings) -> None:

@@ -1,7 +1,5 @@
 """What the scans of a window say together: missing scans, the speed, the elevation of the beams, and their poses."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 

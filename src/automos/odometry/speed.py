@@ -9,11 +9,9 @@ If most observed surfaces are traffic, traffic wins. Its rival is the sequence o
 re-observed: what is higher than any vehicle, or farther beside the path than the lanes of the same direction.
 """
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -55,11 +53,11 @@ class Landmarks(NamedTuple):
     expected: Array  # (M,) the least evidence expected at these speeds
 
     @classmethod
-    def concatenate(cls, parts: list[Landmarks]) -> Landmarks:
+    def concatenate(cls, parts: list[Self]) -> Self:
         """Return the landmarks of several windows, at least one."""
         return cls(*map(np.concatenate, zip(*parts, strict=True)))
 
-    def explains_more_than(self, other: Landmarks) -> bool:
+    def explains_more_than(self, other: Self) -> bool:
         """Whether these speeds have clearly more evidence than the others."""
         return self.lead_over(other) > CLEARLY_MORE
 
@@ -69,7 +67,7 @@ class Landmarks(NamedTuple):
         missed = self.expected.sum() - self.refound.sum()
         return bool(missed > CLEARLY_MORE * np.sqrt(self.expected.sum()))
 
-    def lead_over(self, other: Landmarks) -> float:
+    def lead_over(self, other: Self) -> float:
         """Return the lead in evidence where speeds differ, in standard deviations of the counts (Anscombe)."""
         differ = np.abs(self.speeds - other.speeds) >= OTHER_SPEED
         here, there = np.sqrt(np.array([self._evidence(differ), other._evidence(differ)]) + 3.0 / 8.0)

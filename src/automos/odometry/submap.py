@@ -6,9 +6,7 @@ looks like a horizontal line and is ignored, since the ring moves with the senso
 towards standstill.
 """
 
-from __future__ import annotations
-
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +17,7 @@ from automos.core.geometry import Array
 from automos.core.kernels import kernel
 from automos.core.scan import Points, Pose
 from automos.core.voxels import find_slot
+from automos.odometry.elevation import ON_AXIS
 from automos.odometry.surfels import SURFEL, Surfels, key_at_level, level_of, moved
 
 NOISE = 0.03
@@ -27,6 +26,9 @@ CLOSE = 0.1
 """Metres between a surface and its inliers, at most: three deviations."""
 MAX_WEIGHT = 8.0
 """Greatest weight of a surfel, in points, when surfels are merged: near surfaces have hundreds, far ones a few."""
+
+THIN = 0.1
+"""Share of the next greater variance that the least of a plane has at most, and the middle one of an edge."""
 
 
 class Submap(NamedTuple):
@@ -52,7 +54,7 @@ class Fit(NamedTuple):
     n_close: int  # surfels within `CLOSE` of it
     thickness: float  # metres, robust root mean square distance from the surfaces
 
-    def moved(self, change: Array) -> Fit:
+    def moved(self, change: Array) -> Self:
         """Return the fit after a small motion `change` (6,) of the surfels in the submap's frame, to first order."""
         return self._replace(g=self.g + self.H[:, :6] @ change)
 
@@ -121,7 +123,7 @@ def voxel_of(x, y, z):  # type: ignore[no-untyped-def]
 def _add_surfels(mean, covariance, count, T, keys, rows, sums, m):  # type: ignore[no-untyped-def]
     """Add weighted moments (1, mean, mean mean^T + covariance) to each voxel; `sums` is empty from row `m` on.
 
-    Written without loops, which takes half the time.
+    Turned without loops, which takes half the time.
     """
     r00, r01, r02 = T[0, 0], T[0, 1], T[0, 2]
     r10, r11, r12 = T[1, 0], T[1, 1], T[1, 2]
@@ -134,24 +136,17 @@ def _add_surfels(mean, covariance, count, T, keys, rows, sums, m):  # type: igno
             keys[slot], rows[slot] = key, m
             sums[m] = 0.0
             m += 1
-        row = rows[slot]
-        w = min(float(count[i]), MAX_WEIGHT)
-        xx, xy, xz = float(covariance[i, 0]), float(covariance[i, 1]), float(covariance[i, 2])
-        yy, yz, zz = float(covariance[i, 3]), float(covariance[i, 4]), float(covariance[i, 5])
-        # R C, row by row
+        row, w = sums[rows[slot]], min(float(count[i]), MAX_WEIGHT)
+        xx, xy, xz, yy, yz, zz = covariance[i]
+        # R C, row by row, then R C R^T
         ax, ay, az = r00 * xx + r01 * xy + r02 * xz, r00 * xy + r01 * yy + r02 * yz, r00 * xz + r01 * yz + r02 * zz
         bx, by, bz = r10 * xx + r11 * xy + r12 * xz, r10 * xy + r11 * yy + r12 * yz, r10 * xz + r11 * yz + r12 * zz
         cx, cy, cz = r20 * xx + r21 * xy + r22 * xz, r20 * xy + r21 * yy + r22 * yz, r20 * xz + r21 * yz + r22 * zz
-        sums[row, 0] += w
-        sums[row, 1] += w * x
-        sums[row, 2] += w * y
-        sums[row, 3] += w * z
-        sums[row, 4] += w * (x * x + (ax * r00 + ay * r01 + az * r02))
-        sums[row, 5] += w * (x * y + (ax * r10 + ay * r11 + az * r12))
-        sums[row, 6] += w * (x * z + (ax * r20 + ay * r21 + az * r22))
-        sums[row, 7] += w * (y * y + (bx * r10 + by * r11 + bz * r12))
-        sums[row, 8] += w * (y * z + (bx * r20 + by * r21 + bz * r22))
-        sums[row, 9] += w * (z * z + (cx * r20 + cy * r21 + cz * r22))
+        xx, xy, xz = ax * r00 + ay * r01 + az * r02, ax * r10 + ay * r11 + az * r12, ax * r20 + ay * r21 + az * r22
+        yy, yz, zz = bx * r10 + by * r11 + bz * r12, bx * r20 + by * r21 + bz * r22, cx * r20 + cy * r21 + cz * r22
+        moments = (1.0, x, y, z, x * x + xx, x * y + xy, x * z + xz, y * y + yy, y * z + yz, z * z + zz)
+        for k in range(len(moments)):
+            row[k] += w * moments[k]
     return m
 
 
@@ -176,12 +171,12 @@ def _shape_voxels(sums):  # type: ignore[no-untyped-def]
         wide = (0.12 * 2.0 * SURFEL * (1 << level_of(x, y, z))) ** 2
         turn = 1.0
         if middle > wide:
-            if low < 0.1 * middle:  # a plane
+            if low < THIN * middle:  # a plane
                 eigenvector(c, low, first)
                 eigenvector(c, middle, second)
                 variance[i, 0] = low
                 turn = np.sqrt((low + NOISE * NOISE) / (row[0] * middle))
-        elif high > wide and middle < 0.1 * high:
+        elif high > wide and middle < THIN * high:
             eigenvector(c, high, along)
             if abs(along[2]) > 0.8:  # an upright edge
                 variance[i, 0], variance[i, 1] = across(c, along, first, second)
@@ -195,7 +190,7 @@ def _rise(nx, ny, nz, p):  # type: ignore[no-untyped-def]
     """Return the metres along the direction n that a point `p` moves for each radian that its beam points higher."""
     x, y, z = float(p[0]), float(p[1]), float(p[2])
     level = np.sqrt(x * x + y * y)
-    return nz * level - z * (nx * x + ny * y) / max(level, 1e-3)
+    return nz * level - z * (nx * x + ny * y) / max(level, ON_AXIS)
 
 
 @kernel

@@ -4,9 +4,6 @@ Voxels double in size with distance, as the beams diverge. A scan is reduced to 
 moved, merged and matched at a thousandth of the cost of its points.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -45,16 +42,12 @@ class TimedPoints:
     def __len__(self) -> int:
         return len(self.mean)
 
-    def __getitem__(self, rows: npt.NDArray | slice) -> TimedPoints:
+    def __getitem__(self, rows: npt.NDArray | slice) -> "TimedPoints":
         return TimedPoints(self.mean[rows], self.time[rows])
 
     def compensated(self, twist: Array) -> Self:
         """Return them compensated for the motion `twist` (6,) during the sweep."""
         return replace(self, mean=compensate(self.mean, self.time, twist))
-
-    def timed(self, times_of: Callable[[Points], npt.NDArray[np.float32]]) -> Self:
-        """Return them with the times that `times_of` gives for their positions."""
-        return replace(self, time=times_of(self.mean))
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,22 +58,17 @@ class Surfels(TimedPoints):
     count: npt.NDArray[np.float32]  # (M,) points
     sparse: TimedPoints | None = None  # means of the whole scan's voxels with too few points for a surface
 
-    def __getitem__(self, rows: npt.NDArray | slice) -> Surfels:
+    def __getitem__(self, rows: npt.NDArray | slice) -> "Surfels":
         return Surfels(self.mean[rows], self.time[rows], self.covariance[rows], self.count[rows])
 
-    def compensated(self, twist: Array) -> Surfels:
+    def compensated(self, twist: Array) -> Self:
         """Return them compensated for the motion `twist` (6,), the sparse ones, too."""
         sparse = None if self.sparse is None else self.sparse.compensated(twist)
         return replace(super().compensated(twist), sparse=sparse)
 
-    def raised(self, angle: float) -> Surfels:
+    def raised(self, angle: float) -> Self:
         """Return them as if the beams pointed `angle` radians higher; their shapes are kept."""
         return replace(self, mean=raised(self.mean, angle))
-
-    def timed(self, times_of: Callable[[Points], npt.NDArray[np.float32]]) -> Surfels:
-        """Return them with the times that `times_of` gives, the sparse ones, too."""
-        sparse = None if self.sparse is None else self.sparse.timed(times_of)
-        return replace(super().timed(times_of), sparse=sparse)
 
 
 def make_surfels(points: Points, times: npt.NDArray[np.float32] | None, has_seam: bool = False) -> Surfels:
@@ -152,17 +140,9 @@ def _sum_moments(points, times, has_seam, size):  # type: ignore[no-untyped-def]
             keys[slot], row_of[slot] = key, n
             n += 1
         row = sums[row_of[slot]]
-        row[0] += 1.0
-        row[1] += x
-        row[2] += y
-        row[3] += z
-        row[4] += x * x
-        row[5] += x * y
-        row[6] += x * z
-        row[7] += y * y
-        row[8] += y * z
-        row[9] += z * z
-        row[10] += times[i]
+        moments = (np.float32(1.0), x, y, z, x * x, x * y, x * z, y * y, y * z, z * z, times[i])
+        for k in range(len(moments)):
+            row[k] += moments[k]
     return sums[:n]
 
 

@@ -3,10 +3,8 @@
 Times are fractions of a sweep in [-0.5, 0.5], so no clock is needed.
 """
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -54,7 +52,7 @@ class SweepTiming:
         """Turns of a rotating sensor from the start of a scan to that of the next, 1 if unknown."""
         return self.turns if self.order is None else self.order.turns_per_scan
 
-    def agrees_with(self, other: SweepTiming, scan: Scan) -> bool:
+    def agrees_with(self, other: Self, scan: Scan) -> bool:
         """Whether two timings agree on the points of a scan."""
         here, there = sweep_times(scan, self), sweep_times(scan, other)
         if here is None or there is None:
@@ -66,12 +64,12 @@ class SweepTiming:
         """Return the fields as plain numbers and text, for `from_dict`."""
         return asdict(self)
 
-    @staticmethod
-    def from_dict(fields: dict[str, Any]) -> SweepTiming:
+    @classmethod
+    def from_dict(cls, fields: dict[str, Any]) -> Self:
         """Return the timing from the fields of `to_dict`."""
         order = fields.get("order")
         known = None if order is None else {name: order[name] for name in ("turn", "turns", "turns_per_scan", "start")}
-        return SweepTiming(**{**fields, "order": None if known is None else PointOrder(**known)})
+        return cls(**{**fields, "order": None if known is None else PointOrder(**known)})
 
     def __str__(self) -> str:
         """Return the timing in a few words."""

@@ -5,8 +5,6 @@ short, and neighbouring scans still agree perfectly. So each hypothesis on the t
 second to two seconds apart: the one with the thinnest and best overlapping walls is chosen.
 """
 
-from __future__ import annotations
-
 import logging
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -16,7 +14,7 @@ import numpy as np
 from automos.core.arrays import evenly_spread
 from automos.core.errors import InputError
 from automos.core.scan import Pose, Sequence
-from automos.odometry.clock import Clock
+from automos.odometry.clock import USUAL_PERIOD, Clock
 from automos.odometry.drifting_seam import learn_drifting_seam
 from automos.odometry.moving_windows import WINDOWS, Search, moving_windows
 from automos.odometry.one_lidar import with_one_lidar
@@ -29,7 +27,7 @@ _log = logging.getLogger(__name__)
 SEAMS_DEG = (180.0, 0.0, 90.0, -90.0)
 """Azimuth seams that are tried, the most common first: others must be clearly better."""
 CIRCLE = [SweepTiming("azimuth", turn=turn, seam_deg=seam, share=1.0) for seam in SEAMS_DEG for turn in (-1, 1)]
-USUAL_PERIODS = (0.1, 0.05)
+USUAL_PERIODS = (USUAL_PERIOD, USUAL_PERIOD / 2.0)
 """Seconds, common rotation periods of sensors."""
 AT_A_STEADY_RATE = SweepTiming("index", share=1.0)
 """Of a sensor without a rotating head, whose azimuth does not advance: points are appended as they are measured."""
@@ -159,9 +157,8 @@ def rear_seam() -> SweepTiming:
 
 def _recorded_timings(sequence: Sequence, from_file: SweepTiming | None, wanted: str) -> list[SweepTiming]:
     """Return the timings from the file's times and from the order of its points, as far as they are requested."""
-    found = [from_file] if from_file else []
-    if wanted in ("auto", "order") and (order := learn_order(sequence)):
-        found.append(SweepTiming("order", turn=order.turn, share=order.span / order.turns_per_scan, order=order))
+    from_order = order_timing(sequence) if wanted in ("auto", "order") else None
+    found = [timing for timing in (from_file, from_order) if timing]
     if wanted == "file" and not found:
         raise InputError(f"{sequence.name} has no time per point; set odometry.time to auto, order or none.")
     if wanted == "order" and not found:
@@ -172,6 +169,13 @@ def _recorded_timings(sequence: Sequence, from_file: SweepTiming | None, wanted:
             "set odometry.time to auto, azimuth or none."
         )
     return found
+
+
+def order_timing(sequence: Sequence) -> SweepTiming | None:
+    """Return the timing from the order of the points; None if it gives no times."""
+    if (order := learn_order(sequence)) is None:
+        return None
+    return SweepTiming("order", turn=order.turn, share=order.span / order.turns_per_scan, order=order)
 
 
 def _drifting_timings(sequence: Sequence) -> list[SweepTiming]:

@@ -1,10 +1,8 @@
 """The trajectory of the sensor, and the motion-compensated scans along it."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -63,7 +61,7 @@ class Trajectory:
         """(N, 4, 4) float64."""
         return self.T_level_world @ self.T_world_sensor
 
-    def with_repeats(self, is_repeat: Mask) -> Trajectory:
+    def with_repeats(self, is_repeat: Mask) -> Self:
         """Return the trajectory of all N scans from this one of the distinct ones: a repeat has the original's pose.
 
         It is stamped later than the one before by the shortest period, because stamps must increase; by less if many
@@ -85,15 +83,13 @@ class Trajectory:
         notes = {"timing": self.timing.to_dict(), "diagnostics": self.diagnostics, "elevation": self.elevation}
         return {**{name: getattr(self, name) for name in ARRAYS}, "notes": np.array(json.dumps(notes))}
 
-    @staticmethod
-    def from_arrays(arrays: dict[str, npt.NDArray]) -> Trajectory:
+    @classmethod
+    def from_arrays(cls, arrays: dict[str, npt.NDArray]) -> Self:
         """Return the trajectory from the arrays of `to_arrays`."""
         notes = json.loads(str(arrays["notes"]))
         timing = SweepTiming.from_dict(notes["timing"])
         parts = {name: np.asarray(arrays[name]) for name in ARRAYS}
-        return Trajectory(
-            **parts, timing=timing, diagnostics=notes["diagnostics"], elevation=notes.get("elevation", 0.0)
-        )
+        return cls(**parts, timing=timing, diagnostics=notes["diagnostics"], elevation=notes.get("elevation", 0.0))
 
 
 def make_frame(scan: Scan, trajectory: Trajectory, index: int) -> Frame:

@@ -6,8 +6,6 @@ so: another plane must be much better, such as the road above a sensor that hang
 by what stands on them. Where nothing lies, no ground is claimed, and the sensor's own z axis is the vertical.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -73,12 +71,9 @@ def level_frame(scans: list[Shapes], poses: Pose, settings: OdometrySettings) ->
     up = np.median(ups, axis=0)
     R = rotation_between(up / np.linalg.norm(up), [0.0, 0.0, 1.0])
     # Height of the ground under the first scan, along the common vertical.
-    normal, offset = planes[0][:3], planes[0][3]
     down = poses[0][:3, :3].T @ (-up / np.linalg.norm(up))
-    height = offset / max(-float(down @ normal), 0.5)
-    T = make_transform(R)
-    T[2, 3] = height - (R @ poses[0][:3, 3])[2]
-    return Level(T, True, is_doubtful)
+    height = planes[0][3] / max(-float(down @ planes[0][:3]), 0.5)
+    return Level(make_transform(R, [0.0, 0.0, height - (R @ poses[0][:3, 3])[2]]), True, is_doubtful)
 
 
 def _as_seen_first(scans: list[Shapes], poses: Pose) -> Shapes:
@@ -97,9 +92,8 @@ def _find_plane(points: Array, covariance: Array, settings: OdometrySettings) ->
     Also whether a plane of unusual orientation is as good: only the prior decides then.
     """
     rng = np.random.default_rng(0)
-    triples = rng.integers(0, len(points), (TRIALS, 3))
+    a, b, c = points[rng.integers(0, len(points), (TRIALS, 3)).T]
     tested = rng.permutation(len(points))[:5000]
-    a, b, c = points[triples[:, 0]], points[triples[:, 1]], points[triples[:, 2]]
     normals = np.cross(b - a, c - a)
     length = np.linalg.norm(normals, axis=1)
     is_plane = length > 1e-6
@@ -107,11 +101,8 @@ def _find_plane(points: Array, covariance: Array, settings: OdometrySettings) ->
     heights = -np.einsum("ij,ij->i", normals, a)  # of the sensor above each plane
     normals *= np.sign(heights)[:, None]
     heights = np.abs(heights)
-    is_possible = (
-        (np.abs(normals[:, 2]) > np.cos(np.radians(settings.max_tilt_deg)))
-        & (heights > settings.min_height)
-        & (heights < settings.max_height)
-    )
+    is_in_tilt = np.abs(normals[:, 2]) > np.cos(np.radians(settings.max_tilt_deg))
+    is_possible = is_in_tilt & (heights > settings.min_height) & (heights < settings.max_height)
     normals, heights = normals[is_possible], heights[is_possible]
     lying, standing = _score_planes(points[tested], covariance[tested], normals, heights)
     is_upright = normals[:, 2] > np.cos(np.radians(UPRIGHT_DEG))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from automos.core.geometry import Array, inverse
 from automos.core.scan import Mask, Pose
@@ -66,6 +67,17 @@ class Window:
         changes[~is_other] = 0.0
         surfels = [s.compensated(c) if m else s for s, c, m in zip(self.surfels, changes, is_other, strict=True)]
         return replace(self, surfels=surfels, twists=self.twists + changes, T_world_sensor=T_world_sensor)
+
+    def then(self, gap: npt.ArrayLike, later: Window) -> Window:
+        """Return the scans and `later` ones, after one `gap` (1,), or none (0,) if there are no scans before them."""
+        return replace(
+            later,
+            surfels=[*self.surfels, *later.surfels],
+            twists=np.vstack([self.twists, later.twists]),
+            T_world_sensor=np.concatenate([self.T_world_sensor, later.T_world_sensor]),
+            gaps=np.concatenate([self.gaps, gap, later.gaps]),
+            first=self.first,
+        )
 
     def part(self, start: int, stop: int | None = None) -> Window:
         """Return some of the scans, from number `start` of the window on."""
