@@ -31,6 +31,8 @@ MOUNT_TILT = 0.006
 """Radians, standard deviation of the sensor's tilt in its mount."""
 MOVING_NOW = 0.15
 """m/s above which a body moves at this moment."""
+LOOKS_APART = 0.3
+"""Seconds between the scans by which objects are judged: nothing passes a sensor in less, and a cast takes its time."""
 CASTS_KEPT = 3
 """How many casts a process remembers, so that a scan and its truth cost one."""
 
@@ -221,8 +223,10 @@ def _world(scenario: str, seed: int, duration: float, rig: str) -> World:
 
 @lru_cache(maxsize=2)
 def _verdicts(sequence: SimulatedSequence) -> Verdicts:
-    is_seen = np.array([sequence._points_on_objects(i) > 0 for i in range(len(sequence))])
-    return judge(sequence.world, is_seen, sequence.stamps, sequence.sensor.period)
+    period = sequence.sensor.period
+    scans = range(0, len(sequence), max(round(LOOKS_APART / period), 1))
+    is_seen = np.array([sequence._points_on_objects(i) > 0 for i in scans])
+    return judge(sequence.world, is_seen, sequence.stamps[scans.start : scans.stop : scans.step], period)
 
 
 @lru_cache(maxsize=2)
