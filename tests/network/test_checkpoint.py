@@ -1,5 +1,6 @@
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch", reason="the network needs PyTorch: pip install '.[train]'")
@@ -8,11 +9,14 @@ from automos.core.errors import InputError  # noqa: E402
 from automos.network.checkpoint import (  # noqa: E402
     Checkpoint,
     LMNet,
+    MovingProbability,
     load_checkpoint,
     require_shape,
     save_checkpoint,
 )
 from automos.network.deployed import load_network  # noqa: E402
+from automos.network.images import BASE_CHANNELS  # noqa: E402
+from automos.network.segment import shipped  # noqa: E402
 from automos.settings import ImageSettings, ModelSettings  # noqa: E402
 
 IMAGE, MODEL = ImageSettings(height=16, width=64, residuals=2), ModelSettings(channels=4)
@@ -98,3 +102,24 @@ def test_an_engine_that_cannot_run_a_file_is_told(path):
 def test_a_gpu_that_is_not_there_is_told(path):
     with pytest.raises(InputError, match="no GPU was found, but one was asked for"):
         load_network(path, device="gpu")
+
+
+def test_in_half_the_bits_no_number_is_lost(tmp_path):
+    network = LMNet(IMAGE, MODEL)
+    for name, buffer in network.named_buffers():
+        if name.endswith("running_var"):
+            buffer.fill_(8e5)  # 16 bits end at 65504
+    save_checkpoint(tmp_path / "half.pt", Checkpoint(network, IMAGE, MODEL), half=True)
+    state = load_checkpoint(tmp_path / "half.pt").network.state_dict()
+    for name, value in network.state_dict().items():
+        assert torch.allclose(state[name], value, rtol=1e-3, atol=1e-6), name
+
+
+def test_the_network_that_ships_can_be_trained_on_and_is_the_one_that_runs():
+    kept = load_checkpoint(shipped(".pt"))
+    size = len(BASE_CHANNELS) + kept.image.residuals, kept.image.height, kept.image.width
+    image = 30.0 * torch.rand(1, *size, generator=torch.manual_seed(0))
+    session = pytest.importorskip("onnxruntime").InferenceSession(shipped(".onnx"))
+    (deployed,) = session.run(None, {session.get_inputs()[0].name: image.numpy()})
+    trained = MovingProbability(kept.network)(image).detach().numpy()
+    assert np.abs(trained - deployed).mean() < 0.005
