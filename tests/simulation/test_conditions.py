@@ -95,9 +95,7 @@ def test_merged_clouds_are_each_lidars_own_carried_by_its_mount():
         back = transform(inverse(T), scan.points[rows].astype(np.float64))
         assert np.abs(back - own.points[own.is_valid]).max() < 1e-4
         truth, of_one = recording.truth(4)[rows], merged._lidars[k].truth(4)[own.is_valid]
-        assert np.array_equal(
-            truth >> 16, of_one >> 16
-        )  # the same objects, of which one alone may have seen too little
+        assert np.array_equal(truth >> 16, of_one >> 16)  # one alone may have seen too little of them
         is_judged = (of_one & 0xFFFF) != Label.UNLABELED
         assert np.array_equal(truth[is_judged], of_one[is_judged])
     assert len(set(scan.ring)) == 3 * 64
