@@ -35,3 +35,13 @@ def test_what_is_lost_between_two_sights_is_judged_by_each_alone():
     seen, stamps = segments(7, 100.0), 0.1 * np.arange(7)
     assert not is_small(parts, 1, seen, stamps, 19.0)[0]
     assert is_small(parts, 1, seen, stamps, 21.0)[0]
+
+
+def test_a_car_s_length_of_way_says_as_much_as_a_second():
+    # A hundred points in each of four scans a tenth of a second apart: 120 for the time, and the metres gone over 4.5.
+    parts = Tracks.of_segments(np.zeros(4, int), np.arange(4), np.zeros(4, int), np.zeros(4))
+    seen, stamps = segments(4, 100.0), 0.1 * np.arange(4)
+    for way, known in ((0.0, 120.0), (1.0, 120.0), (9.0, 800.0)):
+        parts.center[:, 0] = np.linspace(0.0, way, 4)
+        assert not is_small(parts, 1, seen, stamps, known - 1.0)[0]
+        assert is_small(parts, 1, seen, stamps, known + 1.0)[0]

@@ -18,6 +18,7 @@ from automos.objects.bodies import cut_where_two, joined, links_in_time
 from automos.objects.detections import Detections
 from automos.objects.extents import Intervals, Scans, make_whole, shown_intervals
 from automos.objects.judge import is_scenery, judge_tracks, moving_now
+from automos.objects.kinds import EXTENT, Kind
 from automos.objects.object_points import tracks_of_points
 from automos.objects.paper.verdict import judge_by_trajectory, with_speed_as_state
 from automos.objects.parts import parts_of_bodies
@@ -29,8 +30,8 @@ from automos.objects.verdict import Verdicts
 from automos.settings import Settings
 
 ENOUGH = 300.0
-"""Points times seconds of a sight without a break from which on it shows a body: of what is less, neither extent nor
-path is known, and what is lost and found again in pieces is another thing each time."""
+"""Points times seconds, or lengths of a car, of a sight without a break from which on it shows a body: of what is less,
+neither extent nor path is known, and what is lost and found again in pieces is another thing each time."""
 SCRAP = 0.9
 """Probability from which on such a scrap moves: where poses slip for a moment, everything seems to."""
 _AT_ONCE = 100
@@ -127,6 +128,9 @@ def _judged(tracks: Tracks, segments: Segments, stamps: Array) -> Verdicts:
 def is_small(parts: Tracks, n: int, segments: Segments, stamps: Array, enough: float) -> Mask:
     """Return (T,) which of `n` tracks have less than `enough` points times seconds in every sight without a break.
 
+    A car's length of way says as much as a second: what comes towards the sensor is seen for a moment, and what has
+    gone so far is no slip of the poses.
+
     parts : all segments of the tracks, sorted by track, then scan.
     """
     of_parts = segments.terms.counts[segments.of(parts), 0]
@@ -134,7 +138,8 @@ def is_small(parts: Tracks, n: int, segments: Segments, stamps: Array, enough: f
     last = np.append(first[1:], len(parts.track))[: len(first)] - 1
     sight = np.repeat(np.arange(len(first)), last + 1 - first)
     time = stamps[parts.scan[last]] - stamps[parts.scan[first]]
-    is_enough = np.bincount(sight, of_parts, len(first)) * time >= enough
+    way = np.linalg.norm((parts.center[last] - parts.center[first])[:, :2], axis=1)
+    is_enough = np.bincount(sight, of_parts, len(first)) * np.maximum(time, way / EXTENT[Kind.CAR, 0]) >= enough
     return ~np.isin(np.arange(n), parts.track[first[is_enough]])
 
 
