@@ -9,7 +9,7 @@ from automos.objects.detections import Detections
 from automos.objects.tracker import Tracker, track_objects, until_last_seen
 from automos.objects.tracking import SCRAP
 from automos.objects.tracks import Tracks
-from automos.online.following import MEMORY, Following, Found
+from automos.online.following import FEW, MEMORY, Following, Found
 
 SETTINGS = load_settings("default").tracking
 
@@ -70,7 +70,7 @@ def test_what_appears_for_a_moment_moves_only_if_that_is_sure_but_at_the_start_e
     if not is_at_start:
         following.add(seen(-0.1, cars()))
     for k in range(8):
-        following.add(seen(0.1 * k, seen_to_move(0.26, 1.0 * k)))
+        following.add(seen(0.1 * k, seen_to_move(0.26, 0.4 * k)))
         verdicts = following.at(0.1 * k, []).verdicts
         p.append((bool(verdicts.is_moving[0]), probability(following, 0.1 * k)))
     assert 0.5 < p[3][1] < SCRAP
@@ -80,12 +80,12 @@ def test_what_appears_for_a_moment_moves_only_if_that_is_sure_but_at_the_start_e
 
 def test_a_car_is_believed_to_move_more_once_later_scans_saw_its_place_free():
     following = Following(SETTINGS, 0.0)
-    for k in range(2):
+    for k in range(FEW):
         following.add(seen(0.1 * k, seen_to_move(0.26, 1.0 * k), is_far=False))
-    before = probability(following, 0.1)
-    for k in range(2):
+    before = probability(following, 0.2)
+    for k in range(FEW):
         following.renew(seen(0.1 * k, cars(1.0 * k), is_far=True))
-    assert before < probability(following, 0.1) > 0.5
+    assert before < probability(following, 0.2) > 0.5
 
 
 def test_what_is_seen_for_the_first_time_is_not_known_to_move():
@@ -93,7 +93,9 @@ def test_what_is_seen_for_the_first_time_is_not_known_to_move():
     following.add(seen(0.0, cars(1.0)))
     assert probability(following, 0.0) == 0.0
     following.add(seen(0.1, cars(2.0)))
-    assert probability(following, 0.1) > 0.5
+    assert not following.at(0.1, []).verdicts.is_moving.any()  # nor how the sensor moves
+    following.add(seen(0.2, cars(3.0)))
+    assert probability(following, 0.2) > 0.5
 
 
 @pytest.mark.parametrize(("lag", "step"), [(MEMORY + 2.0, 0.5), (MEMORY + 0.5, 0.25)])

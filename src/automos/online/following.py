@@ -28,7 +28,7 @@ from automos.settings import TrackingSettings
 MEMORY = 8.0
 """Seconds of a track that are kept scan by scan; as many as the lag if that is longer."""
 FEW = 3
-"""Scans that make a sight of something: fewer may be one error."""
+"""Scans that make a sight of something, or show how the sensor moves: fewer may be one error."""
 RECENT = 1.0
 """Seconds on which a track that was seen before them is judged, too: what stood and sets off moves, however long it
 stood."""
@@ -114,8 +114,8 @@ class Following:
         past = Past(*np.array([self._past.get(k, nothing) for k in numbers.tolist()]).reshape(-1, len(nothing)).T)
         verdicts = self._judged(tracks, segments, stamps, stamps > stamp - RECENT, past)
         self._forget(tracks, numbers, segments, stamps, past)
-        if not is_followed:
-            verdicts = replace(verdicts, verdict=np.full_like(verdicts.verdict, Verdict.STATIC))
+        if not is_followed or len(stamps) < FEW:  # the sensor's own speed is not known yet, and all may seem to move
+            verdicts = _not_moving(verdicts, verdicts.is_moving)
         kept = ~is_scenery(tracks, verdicts.is_moving, segments)
         rows = np.flatnonzero((tracks.scan == scan) & kept[tracks.track])
         _make_whole(tracks, verdicts.is_moving, steps, segments, stamps)
