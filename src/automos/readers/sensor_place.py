@@ -172,7 +172,10 @@ def _require_sensor(spacing: Spacing, place: Array, where: Path, fault: str) -> 
     if fit >= max(map(spacing.fit, spacing.starts())):  # no need to search
         return
     found = spacing.find()
-    if spacing.fit(found) < max(_LEAST, 1.0 - (1.0 - fit) / _CLEARLY):
+    # Heights tell little: over even ground, from a few metres further up or down all looks the same.
+    nearest = np.linalg.norm(spacing.points - place, axis=1).min()
+    is_about_there = fit > _OWN and np.linalg.norm((found - place)[:2]) < nearest
+    if is_about_there or spacing.fit(found) < max(_LEAST, 1.0 - (1.0 - fit) / _CLEARLY):
         return
     raise InputError(
         f"{where} has clouds in the frame of a map (world frame): their points are spread as if seen from about "
