@@ -1,6 +1,7 @@
 """Bags of ROS 1 as recorders leave them: killed, cut, compressed, with and without index."""
 
 import struct
+import sys
 import tracemalloc
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from bags import cloud, columns_of, write_bag
 from street_log import assert_same_points, street_log
 
-from automos.core.errors import InputError
+from automos.core.errors import InputError, MissingExtraError
 from automos.readers import find_recordings, open_sequence
 from automos.readers.bag_chunks import ChunkedFile, unpack
 
@@ -130,6 +131,13 @@ def test_no_more_is_unpacked_than_is_asked_for(kind):
         assert content.startswith(unpack(packed[: len(packed) // 2], kind, 10**9))
     with pytest.raises(ValueError, match="compression 'rar' is not known"):
         unpack(packed, "rar", 10)
+
+
+@pytest.mark.parametrize(("kind", "module"), [("lz4", "lz4.frame"), ("zstd", "zstandard")])
+def test_what_unpacks_a_bag_and_is_not_installed_is_named(monkeypatch, kind, module):
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(MissingExtraError, match=rf"{module.partition('.')[0]} is not installed; run: pip install"):
+        unpack(b"packed", kind, 10)
 
 
 def test_opening_a_thousand_scans_reads_their_headers_and_few_of_them(monkeypatch, tmp_path):

@@ -3,6 +3,7 @@
 import base64
 import json
 import struct
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from street_log import assert_same_points, street_log
 
 from automos.core.errors import InputError
 from automos.readers import open_sequence
+from automos.readers.foxglove_cloud import read_columns
 
 pytest.importorskip("rosbags")
 pytest.importorskip("mcap")
@@ -288,3 +290,23 @@ def text(raw):
 
 def record(op, body):
     return struct.pack("<BQ", op, len(body)) + body
+
+
+@pytest.mark.parametrize("place", ["topic", "encoding", "metadata"])
+def test_a_channel_that_ends_within_a_text_is_damage_and_not_the_end_of_the_file(tmp_path, place):
+    log = street_log()
+    path = write_mcap(tmp_path / "a.mcap", ros_messages(log, False), (KIND, "ros2msg", b""), "cdr", use_chunking=False)
+    raw = bytearray(path.read_bytes())
+    channel = raw.index(text(b"/points") + text(b"cdr"))
+    at = channel + {"topic": 0, "encoding": 11, "metadata": 18}[place]
+    raw[at] += 100  # it counts more bytes than the record has
+    path.write_bytes(raw)
+    with pytest.raises(InputError, match=r"a.mcap is damaged.* \(a record of a topic ends within a text\)"):
+        open_sequence(path)
+
+
+def test_a_message_of_millions_of_fields_takes_no_memory():
+    tracemalloc.start()
+    read_columns(b"\x78\x00" * 200_000, "protobuf", "a.mcap")
+    assert tracemalloc.get_traced_memory()[1] < 1e6
+    tracemalloc.stop()

@@ -4,7 +4,6 @@ A file is walked from record to record, past the points: no index at its end is 
 killed left behind is read, too, and a chunk that an index lists twice is there once.
 """
 
-import importlib
 import struct
 from collections import defaultdict
 from collections.abc import Container
@@ -17,6 +16,7 @@ import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.readers.bag_messages import LARGEST, Topic
+from automos.readers.formats import import_extra
 
 _AHEAD = 1 << 13
 """Bytes that are unpacked beyond what is asked for at first: a message's header is read in pieces."""
@@ -204,9 +204,9 @@ def unpack(packed: bytes, kind: str, n: int) -> bytes:
     if kind == "bz2":
         return bz2.BZ2Decompressor().decompress(packed, n)
     if kind == "lz4":
-        return bytes(importlib.import_module("lz4.frame").LZ4FrameDecompressor().decompress(packed, n))
+        return bytes(import_extra("lz4.frame", "ros").LZ4FrameDecompressor().decompress(packed, n))
     if kind == "zstd":
-        zstd = importlib.import_module("zstandard").ZstdDecompressor()
+        zstd = import_extra("zstandard", "ros").ZstdDecompressor()
         with zstd.stream_reader(packed, read_across_frames=True) as reader:
             return bytes(reader.read(n))
     raise ValueError(f"compression {kind!r} is not known")

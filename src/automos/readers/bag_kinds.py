@@ -86,9 +86,20 @@ class McapFile(ChunkedFile):
 
 
 def _numbers_and_texts(kinds: str, raw: bytes) -> tuple[Any, ...]:
-    """Return the numbers, as `struct` calls their kinds, and the two texts that a record begins with."""
+    """Return the numbers, as `struct` calls their kinds, and the two texts that a record of a topic begins with.
+
+    What is counted behind them (a schema's definition, what is told of a channel) must be there, too: ValueError for a
+    record that ends within it is no end of the file, after which the rest would count as cut off.
+    """
     here = Wire(raw, False, struct.calcsize(f"<{kinds}"))
-    return *struct.unpack_from(f"<{kinds}", raw), here.text().decode(), here.text().decode()
+    try:
+        found = *struct.unpack_from(f"<{kinds}", raw), here.text().decode(), here.text().decode()
+        here.text()
+    except struct.error:
+        here.at = len(raw) + 1
+    if here.at > len(raw):
+        raise ValueError("a record of a topic ends within a text")
+    return found
 
 
 _VERSION = b"#ROSBAG V2.0\n"

@@ -144,10 +144,10 @@ def paint_boxes(scan: Scan, T_boxes_sensor: Pose, drawn: DrawnBoxes) -> npt.NDAr
 
     label[points_in_boxes(points, movers.boxes, MARGIN) >= 0] = Label.UNLABELED
     owner = points_in_boxes(points, movers.boxes)
-    inside, own = owner >= 0, movers[owner[owner >= 0]]
-    is_sole = points[inside, 2] < own.boxes.center[:, 2] - 0.5 * own.boxes.size[:, 2] + SOLE
-    label[inside] = np.where(is_sole, Label.UNLABELED, own.label)
-    instance[inside] = own.track
+    inside = owner >= 0
+    own, sole = owner[inside], movers.boxes.center[:, 2] - 0.5 * movers.boxes.size[:, 2] + SOLE
+    label[inside] = np.where(points[inside, 2] < sole[own], Label.UNLABELED, movers.label[own])
+    instance[inside] = movers.track[own]
 
     label[~scan.is_valid], instance[~scan.is_valid] = Label.UNLABELED, 0
     return pack(label, instance)

@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
-from automos.core.geometry import inverse
 from automos.core.label_files import read_labels
 from automos.core.pose_files import read_calib, read_poses
 from automos.core.reading import damage_reported, is_there
@@ -27,7 +26,7 @@ from automos.readers.record_layout import find_columns
 from automos.readers.scan_times import read_times, times_file
 from automos.readers.sensor_place import find_frame, frame_said, read_viewpoints
 from automos.readers.stamped_poses import FILE as MOUNTS
-from automos.readers.stamped_poses import read_mounts
+from automos.readers.stamped_poses import read_mounts, sensor_poses
 from automos.readers.time_order import put_in_order, put_in_seen_order, usual_step
 from automos.readers.turns import parts_said
 from automos.readers.units import unit_of
@@ -89,9 +88,8 @@ class FolderSequence(FileSequence):
     def __getitem__(self, index: int) -> Scan:
         path = self.paths[index := self._scan_number(index)]
         columns = self._read(path)
-        time_unit = None if time_column(columns) is None else self._point_times.unit or 0.0
         T = None if self._T_file_sensor is None else self._T_file_sensor[index]
-        scan = self._to_scan(index, columns, time_unit, self._unit[0], T)
+        scan = self._to_scan(index, columns, self._point_times.unit or 0.0, self._unit[0], T)
         return scan if self._mounts is None else self._mounts.applied_to(scan, sensor_column(columns), path)
 
     def _read(self, path: Path) -> Columns:
@@ -106,7 +104,7 @@ class FolderSequence(FileSequence):
         fault = ""
         try:
             T = self._poses_in_world()
-            claims += [] if T is None else [T, inverse(T[0]) @ T]
+            claims += [] if T is None else [T, sensor_poses(T)]
         except InputError as error:  # reported when the poses are asked for
             fault = f" ({error})"
         return find_frame(self._raw_points, len(self), claims, self._viewpoints is not None, self._folder, fault)
@@ -138,7 +136,7 @@ class FolderSequence(FileSequence):
     def reference_poses(self) -> Pose | None:
         """(len, 4, 4) T_world_sensor from poses.txt (KITTI or TUM), else the viewpoints, else None."""
         T = self._viewpoints if (T := self._poses_in_world()) is None else T
-        return None if T is None else inverse(T[0]) @ T
+        return None if T is None else sensor_poses(T)
 
     def _poses_in_world(self) -> Pose | None:
         path = next((path for path in self._pose_files() if is_there(path)), None)

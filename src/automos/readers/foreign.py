@@ -13,6 +13,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 from automos.core.errors import InputError
@@ -35,6 +36,18 @@ class TookTooLongError(BaseException):
     """Raised in the thread that waits for a library, which must not take it for an error of its own."""
 
 
+@dataclass
+class _Call:
+    path: Path
+    left: float
+    is_interrupted: bool = False
+
+
+_calls: dict[int, _Call] = {}
+_gate = threading.Lock()
+_watcher: list[threading.Thread] = []
+
+
 @contextmanager
 def limited(path: Path) -> Iterator[None]:
     """Have what is called in the block come back in time and within the machine's memory.
@@ -44,21 +57,26 @@ def limited(path: Path) -> Iterator[None]:
     InputError
         It did not; a `MemoryError` is what the library raises, if it does.
     """
-    if hasattr(_call, "watch"):  # a call within a call has the time of the outer one
+    thread = threading.get_ident()
+    if thread in _calls:  # a call within a call has the time of the outer one
         yield
         return
-    watch = _call.watch = _Watch(path)
+    call = _Call(path, PATIENCE + _size(path) / SLOWEST)
+    with _gate:
+        _calls[thread] = call
+        _watch()
     try:
         with _memory():
             yield
-        watch.end()
-        if watch.has_interrupted:
+        with _gate:
+            del _calls[thread]
+        if call.is_interrupted:
             time.sleep(2.0 * TICK)  # it came back just now; what interrupts it is on its way
     except TookTooLongError:
         raise InputError(SENTENCE.format(path)) from None
     finally:
-        watch.end()
-        vars(_call).pop("watch", None)
+        with _gate:
+            _calls.pop(thread, None)
 
 
 def _size(path: Path) -> int:
@@ -69,57 +87,48 @@ def _size(path: Path) -> int:
 
 
 # ---------------------------------------------------------------------------------------------------------- time
-class _Watch(threading.Thread):
-    """Interrupts the thread that makes it when its call takes too long; where that is of no use, ends the process."""
-
-    def __init__(self, path: Path):
-        super().__init__(daemon=True, name="automos-foreign")
-        self._path, self._left, self._caller = path, PATIENCE + _size(path) / SLOWEST, threading.get_ident()
-        self._is_back = threading.Event()
-        self.has_interrupted = False
-        self.start()
-
-    def run(self) -> None:
-        """Look at the clocks until the call is back."""
-        before = time.monotonic(), time.process_time()
-        while not self._is_back.wait(TICK):
-            now = time.monotonic(), time.process_time()
-            # one that waits for a core, or was stopped for a while, is not taken for one that was busy
-            self._left -= min(now[0] - before[0], now[1] - before[1])
-            before = now
-            if self._left < 0.0:
-                self.has_interrupted = True
-                interrupt = ctypes.c_ulong(self._caller), ctypes.py_object(TookTooLongError)
-                ctypes.pythonapi.PyThreadState_SetAsyncExc(*interrupt)
-            if self._left < -GRACE and OURS.keys() <= os.environ.keys():
-                sys.stderr.write(f"error: {SENTENCE.format(self._path)}\n")
-                sys.stderr.flush()
-                os._exit(2)
-
-    def end(self) -> None:
-        """Stop looking; nothing is interrupted from here on."""
-        self._is_back.set()
-        self.join()
-
-
-_call = threading.local()
-"""The `watch` of this thread's call, while it makes one."""
-
-
-# -------------------------------------------------------------------------------------------------------- memory
-_limits: list[tuple[int, int]] = []
-_holders, _gate = 0, threading.Lock()
+def _watch() -> None:
+    """Have a thread look after the calls of this process."""
+    if not _watcher:
+        _watcher.append(threading.Thread(target=_look, daemon=True, name="automos-foreign"))
+        _watcher[0].start()
 
 
 def _forget() -> None:
     """Begin anew in a forked process: the threads whose calls and whose lock it inherits are not in it."""
     global _gate, _holders
     _gate, _holders = threading.Lock(), 0
-    vars(_call).clear()
+    _calls.clear()
+    _watcher.clear()
 
 
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_forget)
+
+
+def _look() -> None:
+    before = time.monotonic(), time.process_time()
+    while True:
+        time.sleep(TICK)
+        now = time.monotonic(), time.process_time()
+        with _gate:
+            for thread, call in _calls.items():
+                # one that waits for a core, or was stopped for a while, is not taken for one that was busy
+                call.left -= min(now[0] - before[0], now[1] - before[1])
+                if call.left < 0.0:
+                    call.is_interrupted = True
+                    interrupt = ctypes.c_ulong(thread), ctypes.py_object(TookTooLongError)
+                    ctypes.pythonapi.PyThreadState_SetAsyncExc(*interrupt)
+                if call.left < -GRACE and OURS.keys() <= os.environ.keys():
+                    sys.stderr.write(f"error: {SENTENCE.format(call.path)}\n")
+                    sys.stderr.flush()
+                    os._exit(2)
+        before = now
+
+
+# -------------------------------------------------------------------------------------------------------- memory
+_limits: list[tuple[int, int]] = []
+_holders = 0
 
 
 @contextmanager

@@ -70,9 +70,12 @@ def _datatype(kind: int | str) -> int:
 
 
 def _from_wire(raw: bytes) -> tuple[int, bytes, list[tuple[str, int, int]]]:
-    every = list(_fields(raw))
-    message, fields = dict(every), [dict(_fields(value)) for number, value in every if number == _FIELD]
-    told = [(bytes(field.get(1, b"")).decode(), field.get(2, 0), field.get(3, 0)) for field in fields]
+    message, told = dict[int, Any](), []
+    for number, value in _fields(raw):  # kept one by one: a hostile message holds millions
+        message[number] = value
+        if number == _FIELD:
+            field = dict(_fields(value))
+            told.append((bytes(field.get(1, b"")).decode(), field.get(2, 0), field.get(3, 0)))
     return message.get(_STEP, 0), bytes(message.get(_DATA, b"")), told
 
 

@@ -16,7 +16,7 @@ from automos.core.reading import read_text
 from automos.core.scan import Points, Pose, Scan
 from automos.core.upright_boxes import Boxes
 from automos.readers.box_truth import DrawnBoxes, DrawnTruth, centers_in_world, judge_boxes
-from automos.readers.stamped_poses import from_rotations, from_rows, rigid_transforms
+from automos.readers.stamped_poses import from_rows, rigid_transforms
 
 PACKET = 30
 """Numbers in a GPS/IMU packet."""
@@ -88,7 +88,7 @@ def poses_from_packets(packets: npt.NDArray[np.float64], path: Path) -> Pose:
     scale = np.cos(np.radians(latitude[0])) * EARTH_RADIUS
     north = scale * np.log(np.tan(np.radians(90.0 + latitude) / 2.0))
     place = np.column_stack([scale * np.radians(longitude), north, altitude])
-    return from_rotations(Rotation.from_euler("xyz", packets[:, 3:6]).as_matrix(), place, path)
+    return make_transform(Rotation.from_euler("xyz", packets[:, 3:6]).as_matrix(), place)
 
 
 def in_view(

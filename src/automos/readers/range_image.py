@@ -3,6 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.cells import moved
 from automos.core.kernels import kernel
 from automos.core.scan import Points, Pose
 
@@ -44,19 +45,10 @@ def _place(distance, pixel_pose, elevation, azimuth, T_vehicle_laser, T_target_w
             if r <= 0.0:
                 continue
             level, up = r * np.cos(elevation[i]), r * np.sin(elevation[i])
-            x, y, z = _apply(T_vehicle_laser, level * np.cos(azimuth[j]), level * np.sin(azimuth[j]), up)
+            x, y, z = moved(T_vehicle_laser, level * np.cos(azimuth[j]), level * np.sin(azimuth[j]), up)
             roll, pitch, yaw = pixel_pose[i, j, 0], pixel_pose[i, j, 1], pixel_pose[i, j, 2]
             y, z = np.cos(roll) * y - np.sin(roll) * z, np.sin(roll) * y + np.cos(roll) * z
             x, z = np.cos(pitch) * x + np.sin(pitch) * z, np.cos(pitch) * z - np.sin(pitch) * x
             x, y = np.cos(yaw) * x - np.sin(yaw) * y, np.sin(yaw) * x + np.cos(yaw) * y
             x, y, z = x + pixel_pose[i, j, 3], y + pixel_pose[i, j, 4], z + pixel_pose[i, j, 5]
-            points[i * width + j] = _apply(T_target_world, x, y, z)
-
-
-@kernel
-def _apply(T, x, y, z):  # type: ignore[no-untyped-def]
-    return (
-        T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3],
-        T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3],
-        T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3],
-    )
+            points[i * width + j] = moved(T_target_world, x, y, z)

@@ -18,7 +18,7 @@ from automos.readers.formats import digest_of_files
 from automos.readers.point_cloud2 import EMPTY
 from automos.readers.point_times import judge_times
 from automos.readers.sensor_place import find_frame, frame_said
-from automos.readers.stamped_poses import truth_beside
+from automos.readers.stamped_poses import sensor_poses, truth_beside
 from automos.readers.time_order import count_unset, put_in_order, usual_step
 from automos.readers.topic_messages import TopicMessages
 from automos.readers.units import unit_of
@@ -119,7 +119,7 @@ class RosbagSequence(Sequence):
         T, told = self._T_frame_sensor, truth_beside(self.source.parent, self.name)
         if T is None:
             return None if told is None else read_poses(told, len(self), self.stamps)
-        return inverse(T[0]) @ T
+        return sensor_poses(T)
 
     @property
     def warnings(self) -> list[str]:

@@ -43,18 +43,12 @@ def from_quaternions(translation: npt.ArrayLike, xyzw: npt.ArrayLike, path: Path
     xyzw = np.atleast_2d(np.asarray(xyzw, np.float64))
     if not ((np.abs(np.linalg.norm(xyzw, axis=1) - 1.0) <= MAX_SKEW).all() and (np.abs(translation) < FARTHEST).all()):
         raise InputError(_NO_POSE.format(path))
-    return _joined(Rotation.from_quat(xyzw).as_matrix(), translation)
-
-
-def _joined(R: Array, translation: Array) -> Pose:
-    T = np.tile(np.eye(4), (len(R), 1, 1))
-    T[:, :3, :3], T[:, :3, 3] = R, translation
-    return T
+    return make_transform(Rotation.from_quat(xyzw).as_matrix(), translation)
 
 
 def from_rotations(R: Array, translation: Array, path: Path) -> Pose:
     """Return the (N, 4, 4) transforms of (N, 3, 3) and (N, 3); errors are those of `rigid_transforms`."""
-    return rigid_transforms(_joined(R, translation), path)
+    return rigid_transforms(make_transform(R, translation), path)
 
 
 def from_rows(rows: Array, path: Path) -> Pose:

@@ -47,7 +47,8 @@ class LvxFile:
             The file ends within a package, or a frame holds something else.
         """
         data = np.memmap(self.path, np.uint8, "r")
-        packages = self._packages(memoryview(data.data), n_bytes, start, min(stop or self.size, self.size))
+        stop = self.size if stop is None else min(stop, self.size)
+        packages = self._packages(memoryview(data.data), n_bytes, start, stop)
         while found := list(islice(packages, _PIECE)):
             records, seconds, senders = map(np.array, zip(*found, strict=True))
             yield Datagrams(records, np.stack([data[at : at + n_bytes] for at in records]), seconds, senders)
