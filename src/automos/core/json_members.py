@@ -1,6 +1,7 @@
-"""The members of a JSON object one after the other: a long list in it, as Python has it, is ten times the text."""
+"""JSON: its members one by one, as a long list in Python is ten times the text, and numbers that it has not."""
 
 import json
+import math
 import re
 from collections.abc import Iterator
 from typing import Any
@@ -57,3 +58,12 @@ def each_member(text: str, of_list: str) -> Iterator[tuple[str | None, Any]]:
             yield name, value()
     if not is_next("") or at < len(text):
         raise json.JSONDecodeError("Extra data", text, at)
+
+
+def without_nan(value: Any) -> Any:
+    """Return `value` with None in place of numbers that JSON has not."""
+    if isinstance(value, dict):
+        return {key: without_nan(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [without_nan(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

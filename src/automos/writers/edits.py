@@ -157,10 +157,11 @@ def _recognise(edits: dict[int, EditedScan], run: RunFiles) -> dict[int, EditedS
             overlap = iou_3d(box.to_boxes(), found.boxes)[0]
             if len(overlap) and overlap.max() > SAME_OBJECT:
                 votes[track, int(found.ids[overlap.argmax()])] += 1
-    known: dict[int, int] = {}
+    known, taken = dict[int, int](), set[int]()
     for (track, original), _ in sorted(votes.items(), key=lambda item: (-item[1], item[0])):
-        if track not in known and original not in known.values():
+        if track not in known and original not in taken:
             known[track] = original
+            taken.add(original)
     others = sorted({track for scan in edits.values() for track in scan} - known.keys())
     known |= zip(others, count(max(run.tracks, default=0) + 1), strict=False)
     return {index: {known[track]: box for track, box in scan.items()} for index, scan in edits.items()}

@@ -3,22 +3,22 @@
 import json
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.core.atomic import remove_parts, write_text
-from automos.core.claims import METHODS, claim
+from automos.core.claims import METHODS, claim, remove
 from automos.core.geometry import inverse
+from automos.core.json_members import without_nan
 from automos.core.labels import Label, to_mos
 from automos.core.pose_writers import write_kitti
 from automos.core.run import Progress
 from automos.core.scan import Frame, Frames, Sequence
-from automos.evaluation.report import without_nan
 from automos.settings import MapSettings
-from automos.writers.maps.loops.closing import FramesAt, close_loops
+from automos.writers.maps.loops.closing import close_loops
 from automos.writers.maps.metrics import TILE, MapCounts, MapScores, Tile, Tiles
 from automos.writers.maps.writers import HeightPicture, Write, check_kind, open_cloud
 
@@ -68,27 +68,29 @@ def make_map(
         check_kind(cloud)
     claim(out, METHODS)
     remove_parts(out)
-    about: dict[str, object] = {"voxel": settings.voxel}
-    files = [*clouds, out / "map_raw.png", out / "map_clean.png", out / "map.json"]
+    path = out / "poses.txt"
+    remove(path)  # of an earlier map, whose path it was
+    T_level_sensor, loops = frames.T_level_sensor, {}
     if settings.loop_closure:
-        T_level_sensor, about["loops_closed"] = close_loops(frames, settings.loops)
-        frames = FramesAt(frames, T_level_sensor)
-        files.append(out / "poses.txt")
-        write_kitti(files[-1], inverse(T_level_sensor[0]) @ T_level_sensor)
+        T_level_sensor, loops["loops_closed"] = close_loops(frames, settings.loops)
     with ExitStack() as stack:
         writers = [stack.enter_context(open_cloud(cloud)) for cloud in clouds]
-        found = _Map(frames.T_level_sensor[:, :3, 3], writers, settings)
+        found = _Map(T_level_sensor[:, :3, 3], writers, settings)
         for i in range(len(sequence)):
-            frame = frames[i]
+            frame = replace(frames[i], T_level_sensor=T_level_sensor[i])
             found.add(frame, labels_of(i, frame.n_points), sequence.truth(i))
             if progress is not None:
                 progress("map", i + 1, len(sequence))
         scores = found.finish()
     found.raw.write(out / "map_raw.png")
     found.clean.write(out / "map_clean.png")
-    about |= {"points": found.n_points} | ({} if scores is None else without_nan(scores_by_name(scores)))
+    if settings.loop_closure:
+        write_kitti(path, inverse(T_level_sensor[0]) @ T_level_sensor)
+    shares = {} if scores is None else without_nan(scores_by_name(scores))
+    about = {"points": found.n_points, "voxel": settings.voxel, **loops, **shares}
     write_text(out / "map.json", json.dumps(about, indent=2) + "\n")
-    return MadeMap(files, found.n_points, scores)
+    files = [*clouds, out / "map_raw.png", out / "map_clean.png", out / "map.json"]
+    return MadeMap([*files, path] if settings.loop_closure else files, found.n_points, scores)
 
 
 class _Map:

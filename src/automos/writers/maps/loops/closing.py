@@ -7,13 +7,14 @@ odometry itself.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.geometry import inverse, make_transform, se3_exp, se3_log, transform
-from automos.core.scan import Frame, Frames, Points, Pose
+from automos.core.arrays import some_of
+from automos.core.geometry import inverse, se3_exp, se3_log, transform, upright_pose
+from automos.core.scan import Frames, Points, Pose
 from automos.core.voxels import rows_of_first_in_voxel
 from automos.odometry.motion import MIN_POINTS
 from automos.settings import LoopSettings
@@ -45,25 +46,6 @@ DEVIATION, TURN_DEVIATION_DEG = 0.03, 0.05
 """Metres and degrees, usual registration error of a revisit."""
 
 
-class FramesAt:
-    """The frames of a recording at other poses."""
-
-    def __init__(self, frames: Frames, T_level_sensor: Pose):
-        """Take the frames, and (N, 4, 4) where the sensor was instead."""
-        self._frames, self.T_level_sensor = frames, T_level_sensor
-
-    @property
-    def stamps(self) -> Array:
-        """(N,) seconds."""
-        return self._frames.stamps
-
-    def __len__(self) -> int:
-        return len(self._frames)
-
-    def __getitem__(self, index: int) -> Frame:
-        return replace(self._frames[index], T_level_sensor=self.T_level_sensor[index])
-
-
 def close_loops(frames: Frames, loops: LoopSettings) -> tuple[Pose, int]:
     """Return (N, 4, 4) T_level_sensor without the drift that revisits reveal, and the number of closed loops.
 
@@ -77,7 +59,7 @@ def close_loops(frames: Frames, loops: LoopSettings) -> tuple[Pose, int]:
 
     def cloud_at(place: int) -> Points:
         ids = np.flatnonzero(np.abs(path - path[middles[place]]) <= PLACE_EVERY)
-        ids = ids[np.unique(np.linspace(0, len(ids) - 1, PLACE_SCANS).round().astype(int))]
+        ids = ids[some_of(len(ids), PLACE_SCANS)]
         clouds = []
         for i in ids:
             cloud = transform(inverse(T_level_place[place]), frames[int(i)].points_level)
@@ -109,9 +91,7 @@ class _Revisit:
 
 def _upright(T: Pose) -> Pose:
     """Return the frame at the position of `T`, z up, with the heading of `T`."""
-    c, s = T[0, 0], T[1, 0]
-    norm = max(float(np.hypot(c, s)), 1e-9)
-    return make_transform(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, norm]]) / norm, T[:3, 3])
+    return upright_pose(T[:2, 0] / max(float(np.hypot(*T[:2, 0])), 1e-9), T[:3, 3])
 
 
 def _find_similar(
@@ -133,8 +113,7 @@ def _verify(first: Points, second: Points, turn: float, loops: LoopSettings) -> 
     """Return T_first_second that aligns the clouds, or None if they overlap too little."""
     import small_gicp
 
-    c, s = np.cos(turn), np.sin(turn)
-    T = make_transform([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    T = upright_pose((np.cos(turn), np.sin(turn)), np.zeros(3))
     target, tree = small_gicp.preprocess_points(first.astype(np.float64), downsampling_resolution=VOXEL)
     source, _ = small_gicp.preprocess_points(second.astype(np.float64), downsampling_resolution=VOXEL)
     for distance in REGISTRATION_DISTANCES:
