@@ -110,7 +110,7 @@ def settings_digest(method: str, change: str) -> str:
     from ablation import parsed
 
     from automos import load_settings
-    from automos.core.workspace import fingerprint
+    from automos.core.stages import fingerprint
     from automos.settings import PRESETS
 
     overrides, constants = parsed(change)

@@ -16,7 +16,8 @@ from automos.core.pose_files import read_calib, read_poses
 from automos.core.progress import StageProgress
 from automos.core.run import Progress
 from automos.core.scan import Pose, Sequence
-from automos.core.workspace import Workspace, fingerprint
+from automos.core.stages import fingerprint
+from automos.core.workspace import Workspace
 from automos.pipeline import find_labels
 from automos.result import Result
 from automos.results.claiming import refuse_unrepeatable, require_room

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from automos.core.errors import InputError
-from automos.core.workspace import RUN_FILE, Workspace, fingerprint
+from automos.core.stages import fingerprint
+from automos.core.workspace import RUN_FILE, Workspace
 
 ARRAYS = {"a": np.arange(6).reshape(2, 3), "b": np.array("text"), "c": np.zeros((0, 3), np.float32)}
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from forks import peak_memory
 
+from automos.core.stages import Stage
 from automos.core.upright_boxes import Boxes
-from automos.core.workspace import Stage
 from automos.objects.bodies import links_in_time
 from automos.objects.detections import Detections
 from automos.objects.extents import Scans

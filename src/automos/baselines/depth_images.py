@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from automos.baselines.range_image import ImageShape, moved, nearest_ranges, pixel_of, shortest_around
-from automos.core.cells import turn_of, whole_below
+from automos.baselines.range_image import ImageShape, nearest_ranges, pixel_of, shortest_around
+from automos.core.cells import moved, turn_of, whole_below
 from automos.core.kernels import kernel
 from automos.core.scan import Mask, Pose
 

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from automos.baselines.depth_images import Window, agrees, is_even, pixels_around, seen_from, surface_at, turn_between
-from automos.baselines.range_image import moved, pixel_of
+from automos.baselines.range_image import pixel_of
+from automos.core.cells import moved
 from automos.core.kernels import kernel
 
 

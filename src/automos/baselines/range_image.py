@@ -78,16 +78,6 @@ def pixel_of(x, y, z, shape):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def moved(T, x, y, z):  # type: ignore[no-untyped-def]
-    """Return where `T` (3, 4) leads a point, all float32."""
-    return (
-        T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3],
-        T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3],
-        T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3],
-    )
-
-
-@kernel
 def nearest_ranges(points, shape):  # type: ignore[no-untyped-def]
     """Return (rows, columns) float32: the shortest range of `points` (M, 3), sensor frame, in each pixel, else inf."""
     image = np.full((shape.rows, shape.columns), NOTHING)

@@ -14,7 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.baselines.batches import BatchSize, add_points, cut_batches, is_within, labels_by_map
-from automos.baselines.range_image import NOTHING, ImageShape, image_shape, moved, nearest_ranges, pixel_of
+from automos.baselines.range_image import NOTHING, ImageShape, image_shape, nearest_ranges, pixel_of
+from automos.core.cells import moved
 from automos.core.geometry import inverse
 from automos.core.kernels import kernel
 from automos.core.parallel import available_cores, map_in_order

@@ -73,6 +73,11 @@ def hold_array(
         object.__setattr__(owner, field, as_array(given, dtype, shape, field))
 
 
+def some_of(n: int, most: int) -> npt.NDArray[np.int64]:
+    """Return at most `most` of the numbers from 0 to `n` - 1, evenly, the first and the last among them."""
+    return np.unique(np.linspace(0, n - 1, most).round().astype(int)) if n > 0 else np.zeros(0, np.int64)
+
+
 def evenly_spread(items: Items[Item], most: int) -> list[Item]:
     """Return up to `most` of `items`, evenly spread, the first and the last among them."""
     return [items[i] for i in np.linspace(0, len(items) - 1, min(len(items), most)).astype(int).tolist()]

@@ -1,4 +1,4 @@
-"""Cells and azimuths from coordinates, in compiled kernels."""
+"""Cells, azimuths and moved points from coordinates, in compiled kernels."""
 
 import numpy as np
 
@@ -9,6 +9,16 @@ from automos.core.kernels import kernel
 def whole_below(x):  # type: ignore[no-untyped-def]
     """Return the floor of `x` as int64, 0 if it does not fit or is not a number."""
     return np.int64(np.floor(x)) if abs(x) < 1e15 else np.int64(0)
+
+
+@kernel
+def moved(T, x, y, z):  # type: ignore[no-untyped-def]
+    """Return where `T` (4, 4) or (3, 4) leads a point, in the types of both."""
+    return (
+        T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3],
+        T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3],
+        T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3],
+    )
 
 
 @kernel

@@ -44,13 +44,20 @@ def inverse(T: npt.ArrayLike) -> Array:
 
 
 def make_transform(R: npt.ArrayLike | None = None, t: npt.ArrayLike | None = None) -> Array:
-    """Return the (4, 4) transform with rotation `R` (3, 3) and translation `t` (3,), identity where not given."""
-    T = np.eye(4)
+    """Return the (..., 4, 4) transforms of rotations `R` (..., 3, 3) and translations `t` (..., 3), by default none."""
+    shape = np.asarray(R).shape[:-2] if R is not None else np.asarray(t).shape[:-1]
+    T = np.tile(np.eye(4), (*shape, 1, 1))
     if R is not None:
-        T[:3, :3] = R
+        T[..., :3, :3] = R
     if t is not None:
-        T[:3, 3] = t
+        T[..., :3, 3] = t
     return T
+
+
+def upright_pose(heading: npt.ArrayLike, place: npt.ArrayLike) -> Array:
+    """Return (4, 4) of what stands upright at `place` (3,), its x-axis along `heading` (2,), which is of length 1."""
+    c, s = np.asarray(heading)
+    return make_transform([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], place)
 
 
 def quaternion_of(T: npt.ArrayLike) -> Array:

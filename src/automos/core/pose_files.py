@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
-from automos.core.geometry import FARTHEST, inverse
+from automos.core.geometry import FARTHEST, inverse, make_transform
 from automos.core.reading import read_text
 from automos.core.scan import Pose
 
@@ -167,10 +167,7 @@ def _from_quaternions(rows: npt.NDArray[np.float64], line_numbers: npt.NDArray[n
             f"{path}, line {line_numbers[bad]}: not a rigid transform (its quaternion has length {length[bad]:.3g}, "
             "not 1); a TUM line is: time x y z qx qy qz qw"
         )
-    T = np.tile(np.eye(4), (len(rows), 1, 1))
-    T[:, :3, :3] = Rotation.from_quat(rows[:, 4:]).as_matrix()
-    T[:, :3, 3] = rows[:, 1:4]
-    return T
+    return make_transform(Rotation.from_quat(rows[:, 4:]).as_matrix(), rows[:, 1:4])
 
 
 # ------------------------------------------------------------------------------------------------- poses to scans

@@ -14,6 +14,7 @@ import numpy as np
 
 from automos.core.arguments import require_own_names
 from automos.core.errors import InputError
+from automos.core.json_members import without_nan
 from automos.core.label_files import read_labels
 from automos.core.run import Progress
 from automos.core.scan import Sequence
@@ -203,15 +204,6 @@ def _objects(recordings: list[Overlaps]) -> dict[str, Any] | None:
     overlaps = pooled(recordings)
     is_told = (overlaps.mover > 0).any() and (overlaps.track > NO_TRACK).any()
     return scores_of_objects(overlaps) if is_told else None
-
-
-def without_nan(value: Any) -> Any:
-    """Return `value` with None in place of numbers that JSON has not."""
-    if isinstance(value, dict):
-        return {key: without_nan(inner) for key, inner in value.items()}
-    if isinstance(value, list):
-        return [without_nan(inner) for inner in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _movers_dict(movers: Movers) -> list[dict[str, Any]]:

@@ -17,7 +17,8 @@ from typing import Any
 from automos import __version__
 from automos.core.errors import AutomosError
 from automos.core.scan import Sequence
-from automos.core.workspace import Workspace, fingerprint
+from automos.core.stages import fingerprint
+from automos.core.workspace import Workspace
 from automos.fleet.cache import Cache
 from automos.fleet.orders import Job, Kind, Order, Recording, Report, State
 from automos.fleet.publishing import Marker, publish, read_marker, require_ours, withdraw

@@ -111,13 +111,14 @@ def run_live(
     tally, watch = Tally(), _Watch()
     waiting: deque[tuple[Scan, float]] = deque()  # taken, when, and not given back yet: as many as the lag holds
     taken_at: deque[float] = deque()
-    sinks, say, names = list(sinks), report or (lambda tally: None), [] if names is None else names
+    sinks, say = list(sinks), report or (lambda tally: None)
 
     def taken() -> Iterator[Scan]:
         while not feed.is_over:
             scan = feed.take(LOOK)
             if scan is not None:
-                names.append(scan.name)
+                if names is not None:
+                    names.append(scan.name)
                 taken_at.append(time.perf_counter())
                 waiting.append((scan, taken_at[-1]))
                 yield scan

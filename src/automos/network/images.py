@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.cells import moved
 from automos.core.kernels import kernel
 from automos.core.scan import Points, Pose
 from automos.network.projection import Image, ImageGrid, column_of, nearest_points, project, row_of
@@ -84,10 +85,7 @@ def pick_past(ages: npt.NDArray[np.float64], n: int, spacing: float = SPACING) -
 def _reproject(points, T, row_of_sine, height, width, farthest, before):  # type: ignore[no-untyped-def]
     before[:] = np.inf
     for i in range(len(points)):
-        a, b, c = points[i, 0], points[i, 1], points[i, 2]
-        x = T[0, 0] * a + T[0, 1] * b + T[0, 2] * c + T[0, 3]
-        y = T[1, 0] * a + T[1, 1] * b + T[1, 2] * c + T[1, 3]
-        z = T[2, 0] * a + T[2, 1] * b + T[2, 2] * c + T[2, 3]
+        x, y, z = moved(T, points[i, 0], points[i, 1], points[i, 2])
         r = np.sqrt(x * x + y * y + z * z)
         if np.float32(1e-3) < r < farthest:  # never true of NaN
             row = row_of(z / r, row_of_sine)

@@ -22,7 +22,8 @@ from automos.core.label_files import read_confidences, read_labels
 from automos.core.labels import Label, to_mos
 from automos.core.run import Progress, Run
 from automos.core.scan import Frame, Sequence
-from automos.core.workspace import Workspace, fingerprint
+from automos.core.stages import fingerprint
+from automos.core.workspace import Workspace
 from automos.evaluation.predictions import StoredStages, find_predictions
 from automos.network.images import SPACING, Window, pick_past, thin
 from automos.network.projection import ImageGrid, beam_grid

@@ -13,7 +13,7 @@ from automos.core.claims import TRAINING, claim
 from automos.core.errors import InputError, MissingExtraError
 from automos.core.extras import pip_install
 from automos.core.run import Progress
-from automos.core.workspace import fingerprint
+from automos.core.stages import fingerprint
 from automos.network.packed import PackedSamples, pack
 from automos.network.recordings import LabelledRecording, Source, open_labelled
 from automos.network.samples import TrainingSamples, ValidationSamples, measure_classes, measure_scale

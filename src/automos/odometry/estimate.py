@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from automos.core.arrays import some_of
 from automos.core.blas import one_blas_thread
 from automos.core.errors import InputError
 from automos.core.geometry import Array, checked_poses, inverse
@@ -86,7 +87,7 @@ def _find_level(
     sequence: Sequence, poses: Pose, timing: SweepTiming, motion: Array, settings: OdometrySettings
 ) -> Level:
     """Return the level frame, from a few scans of the recording."""
-    ids = np.unique(np.linspace(0, len(sequence) - 1, GROUND_SCANS).round().astype(int)).tolist()
+    ids = some_of(len(sequence), GROUND_SCANS).tolist()
     surfels = {i: scan_surfels(sequence[i], motion[i], timing, settings) for i in ids}
     used = [i for i in ids if len(surfels[i]) >= MIN_POINTS]
     return level_frame([(surfels[i].mean, surfels[i].covariance) for i in used], poses[used], settings)

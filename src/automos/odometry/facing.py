@@ -12,6 +12,7 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.cells import moved
 from automos.core.covariances import total_variance, variance_along
 from automos.core.geometry import Array, inverse
 from automos.core.kernels import kernel
@@ -21,7 +22,7 @@ from automos.odometry.isolated import CLOSE, count_met_again, isolated_points
 from automos.odometry.motion import signed_distance
 from automos.odometry.submap import CLOSE as SURFACE
 from automos.odometry.submap import Submap, make_submap, voxel_of
-from automos.odometry.surfels import Surfels, moved
+from automos.odometry.surfels import Surfels
 from automos.odometry.window import Window
 from automos.settings import OdometrySettings
 
@@ -188,7 +189,7 @@ def _score(submap, constrains, surfels, T, path, distances, shift, overhead):  #
         c = covariance[i]
         if variance_along(c, along) > 0.2 * total_variance(c):  # surface parallel to the path
             continue
-        x0, y0, z0 = moved(T, points[i])
+        x0, y0, z0 = moved(T, float(points[i, 0]), float(points[i, 1]), float(points[i, 2]))
         beside = abs(along[0] * points[i, 1] - along[1] * points[i, 0])
         where = 2 if points[i, 2] > overhead else int(beside > BESIDE)
         for d in range(len(distances)):

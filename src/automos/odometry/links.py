@@ -9,6 +9,7 @@ from typing import NamedTuple, Self
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.arrays import some_of
 from automos.core.geometry import Array, inverse
 from automos.core.parallel import map_in_shares
 from automos.core.scan import Pose, Sequence
@@ -205,7 +206,7 @@ def measure_consistency(
     length = min(max(round(SAMPLE_SECONDS / period), 3), len(sequence))
     twists = timing.share * step_twists(poses, gaps)
     parts, about = [], Alignment()
-    for first in np.unique(np.linspace(0, len(sequence) - length, SAMPLES).round().astype(int)).tolist():
+    for first in some_of(len(sequence) - length + 1, SAMPLES).tolist():
         part = slice(first, first + length)
         surfels = [scan_surfels(sequence[i], twists[i], timing, settings) for i in range(first, first + length)]
         part_gaps = gaps[first : first + length - 1]

@@ -21,7 +21,7 @@ from automos.odometry.followed import Posed, TimedScan
 from automos.odometry.links import MIN_MATCHED, Alignment, Consistency, Links, share_close
 from automos.odometry.missing_scans import TRIED
 from automos.odometry.motion import MIN_POINTS, usable_points
-from automos.odometry.refine import FIRST_STEPS, align, refine_poses, registered, solve_links
+from automos.odometry.refine import align, first_steps, refine_poses, registered, solve_links
 from automos.odometry.settling import elevation_in, settle
 from automos.odometry.speed import SpeedSearch
 from automos.odometry.surfels import surfels_of
@@ -172,9 +172,7 @@ class Path:
         tried = [self._aligned_from(window, window.T_world_sensor[-1], window.gaps[-1])]
         is_second = len(self.window) + self.window.first == 2 and not self._is_start_known
         if is_second or tried[0][1] < DOUBTFUL * self._share:
-            axes = np.concatenate([np.eye(6)[:2], -np.eye(6)[:2]])
-            ahead = window.T_world_sensor[-2] @ se3_exp(np.concatenate([step * axes for step in FIRST_STEPS]))
-            starts = ahead if is_second else [registered(window)]
+            starts = first_steps(window.T_world_sensor[-2]) if is_second else [registered(window)]
             gaps = window.gaps[-1:] if is_second or self._has_stamps else TRIED
             tried += [self._aligned_from(window, start, gap) for start in starts for gap in gaps]
         found, share = max(tried, key=lambda one: one[1])

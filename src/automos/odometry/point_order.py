@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.arrays import evenly_spread
+from automos.core.arrays import evenly_spread, some_of
 from automos.core.geometry import Array
 from automos.core.kernels import kernel
 from automos.core.scan import MIN_RANGE, Mask, Points, Scan, Sequence
@@ -77,8 +77,7 @@ def learn_order(sequence: Sequence) -> PointOrder | None:
 
 def sample_pairs(sequence: Sequence) -> list[int]:
     """Return the indices of a few scans, each followed by another."""
-    last = len(sequence) - 2
-    return np.unique(np.linspace(0, last, SAMPLES).round().astype(int)).tolist() if last >= 0 else []
+    return some_of(len(sequence) - 1, SAMPLES).tolist()
 
 
 def sees_all_round(sequence: Sequence) -> bool:

@@ -160,6 +160,12 @@ def _at_likely_speed(
     return window, search
 
 
+def first_steps(T: Pose) -> Pose:
+    """Return (K, 4, 4) where the scan after the first one, at `T`, is looked for: `FIRST_STEPS` to all four sides."""
+    axes = np.concatenate([np.eye(6)[:2], -np.eye(6)[:2]])
+    return T @ se3_exp(np.concatenate([step * axes for step in FIRST_STEPS]))
+
+
 def registered(window: Window) -> Pose:
     """Return the (4, 4) pose of the newest scan by registration of its points with those of the scans before it."""
     import small_gicp

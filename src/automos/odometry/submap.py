@@ -12,13 +12,14 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg.lapack import dsygvd
 
+from automos.core.cells import moved
 from automos.core.covariances import across, eigenvalues, eigenvector, variance_along
 from automos.core.geometry import Array
 from automos.core.kernels import kernel
 from automos.core.scan import Points, Pose
 from automos.core.voxels import find_slot
 from automos.odometry.elevation import ON_AXIS
-from automos.odometry.surfels import SURFEL, Surfels, key_at_level, level_of, moved
+from automos.odometry.surfels import SURFEL, Surfels, key_at_level, level_of
 
 NOISE = 0.03
 """Metres, deviation of a surfel on a perfect surface: range noise of usual sensors."""
@@ -129,7 +130,7 @@ def _add_surfels(mean, covariance, count, T, keys, rows, sums, m):  # type: igno
     r10, r11, r12 = T[1, 0], T[1, 1], T[1, 2]
     r20, r21, r22 = T[2, 0], T[2, 1], T[2, 2]
     for i in range(len(mean)):
-        x, y, z = moved(T, mean[i])
+        x, y, z = moved(T, float(mean[i, 0]), float(mean[i, 1]), float(mean[i, 2]))
         key = voxel_of(x, y, z)
         slot = find_slot(keys, key)
         if keys[slot] == -1:
@@ -209,7 +210,7 @@ def _fit(submap, points, covariance, T, limits, H, g, noise_of_H):  # type: igno
     R, n = T[:3, :3], len(g)
     J, a = np.empty(7), np.empty(3)
     for i in range(len(points)):
-        x, y, z = moved(T, points[i])
+        x, y, z = moved(T, float(points[i, 0]), float(points[i, 1]), float(points[i, 2]))
         slot = find_slot(keys, voxel_of(x, y, z))
         row = rows[slot]
         if keys[slot] == -1 or variance[row, 0] < 0.0:

@@ -144,13 +144,3 @@ def _sum_moments(points, times, has_seam, size):  # type: ignore[no-untyped-def]
         for k in range(len(moments)):
             row[k] += moments[k]
     return sums[:n]
-
-
-@kernel
-def moved(T, point):  # type: ignore[no-untyped-def]
-    """Return x, y, z (float64) of a `point` (3,) moved by `T` (4, 4) or (3, 4)."""
-    px, py, pz = float(point[0]), float(point[1]), float(point[2])
-    x = T[0, 0] * px + T[0, 1] * py + T[0, 2] * pz + T[0, 3]
-    y = T[1, 0] * px + T[1, 1] * py + T[1, 2] * pz + T[1, 3]
-    z = T[2, 0] * px + T[2, 1] * py + T[2, 2] * pz + T[2, 3]
-    return x, y, z

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from automos.core.array_sequence import ArraySequence
-from automos.core.geometry import make_transform
+from automos.core.geometry import upright_pose
 from automos.core.scan import Pose, Scan
 from automos.online.labelled_scan import LabelledScan, labelled_scans
 from automos.online.segmenting import Segmented
@@ -68,8 +68,7 @@ class WholeRecording:
 def _turn_and_shift(T_from: Pose, T_to: Pose) -> Pose:
     """Return the turn about the vertical and the level shift that take pose `T_from` above or below `T_to`."""
     angle = np.arctan2(T_to[1, 0], T_to[0, 0]) - np.arctan2(T_from[1, 0], T_from[0, 0])
-    c, s = np.cos(angle), np.sin(angle)
-    T = make_transform([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    T = upright_pose((np.cos(angle), np.sin(angle)), np.zeros(3))
     T[:2, 3] = T_to[:2, 3] - (T @ T_from)[:2, 3]
     return T
 

@@ -65,9 +65,9 @@ def runs_in(
 
     results : the results folder of one recording, or of several a folder with that of each in it.
     """
-    for sequence in filter(is_wanted, sequences):
+    for sequence in sequences:
         folder = results if len(sequences) == 1 else results / sequence.name
-        if (folder / "tracks.json").exists() and (folder / "poses.txt").exists():
+        if (folder / "tracks.json").exists() and (folder / "poses.txt").exists() and is_wanted(sequence):
             yield RunFiles(folder, sequence)
 
 

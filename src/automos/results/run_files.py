@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
-from automos.core.geometry import inverse, transform
+from automos.core.geometry import inverse, transform, upright_pose
 from automos.core.pose_files import read_poses
 from automos.core.run import Progress
 from automos.core.scan import GROUND, Frame, Points, Pose, Scan, Sequence
@@ -25,7 +25,7 @@ from automos.objects.kinds import Kind, likeliest
 from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.trajectory import SequenceFrames, Trajectory, make_frame
 from automos.results.point_files import PointFiles
-from automos.results.run_objects import Object, ScanBoxes, boxes_by_scan, upright_pose
+from automos.results.run_objects import Object, ScanBoxes, boxes_by_scan
 from automos.results.tracks_file import each_track
 
 logger = logging.getLogger(__name__)

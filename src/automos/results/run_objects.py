@@ -12,7 +12,7 @@ import numpy.typing as npt
 from automos.core.column_data import ColumnData
 from automos.core.errors import MissingExtraError
 from automos.core.extras import pip_install
-from automos.core.geometry import make_transform
+from automos.core.geometry import upright_pose
 from automos.core.scan import Pose
 from automos.core.upright_boxes import Boxes
 from automos.objects.kinds import Kind, likeliest
@@ -23,12 +23,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _Vector = npt.NDArray[np.float64]
-
-
-def upright_pose(heading: npt.ArrayLike, place: _Vector) -> Pose:
-    """Return (4, 4) of what stands upright at `place` (3,), its x-axis along `heading` (2,), which is of length 1."""
-    c, s = np.asarray(heading)
-    return make_transform([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], place)
 
 
 class Box(NamedTuple):

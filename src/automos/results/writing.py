@@ -20,12 +20,12 @@ from typing import Any
 from automos import __version__
 from automos.core.atomic import remove_parts, write_text
 from automos.core.claims import remove
+from automos.core.json_members import without_nan
 from automos.core.labels import as_probability
 from automos.core.pose_writers import write_kitti, write_tum
 from automos.core.run import Progress
 from automos.core.scan import Sequence
 from automos.core.workspace import COMPLETE, RUN_FILE, UNFINISHED, Workspace
-from automos.evaluation.report import without_nan
 from automos.objects.verdict import Verdict
 from automos.odometry.clock import rate_of
 from automos.odometry.trajectory import Trajectory

@@ -1,25 +1,14 @@
 """Upright boxes as rows of seven numbers: centre, size, yaw; metres and radians, level frame."""
 
-from typing import Protocol
-
 import numpy as np
 import numpy.typing as npt
 
 from automos.core.upright_boxes import Boxes, points_in_boxes
 
 
-class _HasBoxes(Protocol):
-    @property
-    def center(self) -> npt.NDArray[np.float64]: ...
-    @property
-    def size(self) -> npt.NDArray[np.float64]: ...
-    @property
-    def yaw(self) -> npt.NDArray[np.float64]: ...
-
-
-def as_rows(found: _HasBoxes) -> npt.NDArray[np.float64]:
-    """Return (K, 7) the boxes of segments or tracks."""
-    return np.column_stack([found.center, found.size, found.yaw])
+def as_rows(boxes: Boxes) -> npt.NDArray[np.float64]:
+    """Return (K, 7) the rows of boxes."""
+    return np.column_stack([boxes.center, boxes.size, boxes.yaw])
 
 
 def as_box(row: npt.NDArray[np.float64]) -> Boxes:

@@ -10,11 +10,12 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, TypeAdapter
 
+from automos.core.arrays import some_of
 from automos.core.reading import checked
 from automos.objects.tracks import observed
 from automos.review.log import append_lines, read_lines
 from automos.review.run_stages import RunStages
-from automos.views.ground_map import moments_of, thin_rows
+from automos.views.ground_map import thin_rows
 
 CHOICES = ("moving", "static", "unknown", "undo")
 """What can be decided of a track; "undo" takes back what was decided of it before."""
@@ -108,7 +109,7 @@ def cover_tracks(stages: RunStages, tracks: Iterable[int]) -> dict[int, dict[str
     covers: dict[int, dict[str, Cover]] = {track: {} for track in tracks}
     for track in covers:
         scans = observed(stages.tracks[stages.tracks.rows_of(track)]).scan
-        for i in scans[moments_of(len(scans), MOMENTS)].tolist():
+        for i in scans[some_of(len(scans), MOMENTS)].tolist():
             wanted[i].append(track)
     for i in sorted(wanted):
         owner = stages.track_of_points(i)

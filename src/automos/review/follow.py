@@ -89,7 +89,7 @@ def follow_ahead(
             break
         row = int(np.argmax(rows.track == track))
         if rows.segment[row] < 0:
-            missed[i] = -1, as_rows(rows)[row]
+            missed[i] = -1, as_rows(rows.boxes)[row]
             continue
         own = int(offered[rows.segment[row]])  # the segment's own extent, not the filter's
         found |= {**missed, i: (own, as_rows(ahead.boxes)[own])}

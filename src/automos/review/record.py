@@ -24,11 +24,11 @@ class Record:
     def __init__(self, run: RunFiles, stages: RunStages, waiting: Waiting):
         """Read the earlier decisions; InputError if the log is damaged."""
         self.run, self.stages = run, stages
-        self.changes, self.lost = read_changes(stages)
+        self.changes, lost = read_changes(stages)
         self.queue = Queue(stages, note_concerns(stages, False))
         self.queue.note(self.changes)
         self.gain = Gain(RunStages(run.folder, run.sequence), waiting)
-        self.writer = Writer(run, self.lost, lambda: self.changes, self.gain, waiting)
+        self.writer = Writer(run, lost, lambda: self.changes, self.gain, waiting)
         self._covering = RunStages(run.folder, run.sequence)  # of its own, so that deciding never waits for looking
         self._has_ended = False
         self._gate = threading.Lock()  # a decision is taken whole, or waits until another or finishing is through

@@ -86,7 +86,7 @@ def as_amendment(stages: RunStages, track: int, changes: Changes) -> Amendment:
     here = stages.tracks[stages.tracks.rows_of(track)]
     painted = Changes({**changes.decided, track: "moving"}, changes.amendments)
     parts = {}
-    for i, box in zip(here.scan.tolist(), as_rows(here), strict=True):
+    for i, box in zip(here.scan.tolist(), as_rows(here.boxes), strict=True):
         rows = np.flatnonzero(changed_labels(stages, i, painted)["track"] == track)
         if len(rows):
             parts[stages.names[i]] = Part.of_box(rows, box, stages.T_level_sensor[i])

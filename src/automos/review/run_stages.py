@@ -15,7 +15,8 @@ import numpy.typing as npt
 from automos.core.errors import InputError
 from automos.core.labels import Label
 from automos.core.scan import Frame, Pose, Sequence
-from automos.core.workspace import Stage, Workspace, require_same
+from automos.core.stages import Stage
+from automos.core.workspace import Workspace, require_same
 from automos.objects.detections import Detections
 from automos.objects.labels import label_scans
 from automos.objects.tracking import Scans, TrackedObjects

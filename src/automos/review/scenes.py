@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.arrays import some_of
 from automos.core.geometry import Array
 from automos.core.labels import Label
 from automos.core.scan import GROUND
@@ -16,7 +17,7 @@ from automos.review.amendments import Amendment
 from automos.review.apply import path_of
 from automos.review.box_rows import as_rows
 from automos.review.run_stages import Changes, Rows, RunStages, changed_labels, number_of, parts_in, replaced
-from automos.views.ground_map import moments_of, thin_rows
+from automos.views.ground_map import thin_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +53,7 @@ def subject_of_track(stages: RunStages, track: int) -> Subject:
     def own_rows(i: int) -> Rows:
         return np.flatnonzero(stages.owner_of_points(i) == track)
 
-    return Subject(track + 1, here.scan, as_rows(here), np.hypot(*here.velocity[:, :2].T), own_rows)
+    return Subject(track + 1, here.scan, as_rows(here.boxes), np.hypot(*here.velocity[:, :2].T), own_rows)
 
 
 def subject_of_amendment(stages: RunStages, amendment: Amendment, id: int) -> Subject:
@@ -86,7 +87,7 @@ def scene(stages: RunStages, subject: Subject, at: int = -1) -> dict[str, Any]:
     Positions are relative to `origin` (level frame, metres). `points` packs int16 x, y, z in centimetres, `kinds` a
     byte each, both base64, moment after moment; `starts` says where each moment begins.
     """
-    shown = np.union1d(moments_of(len(subject.scans), MOMENTS), np.flatnonzero(subject.scans == at))
+    shown = np.union1d(some_of(len(subject.scans), MOMENTS), np.flatnonzero(subject.scans == at))
     low, high = subject.boxes[:, :3].min(axis=0), subject.boxes[:, :3].max(axis=0)
     origin = 0.5 * (low + high)
     half = float(np.clip(0.5 * (high - low)[:2].max() + MARGIN, MIN_HALF, MAX_HALF))
@@ -178,5 +179,5 @@ def _boxes(stages: RunStages, index: int, changes: Changes) -> list[tuple[int | 
     here = here[~np.isin(here.track, replaced(stages, index, changes))]
     made = [one for one, _ in parts_in(stages, index, changes)]
     ids = [*here.track.tolist(), *(number_of(stages, one) for one in made)]
-    boxes = np.vstack([as_rows(here), *(one.parts[name].box_level(T) for one in made)])[:, [0, 1, 3, 4, 6]]
+    boxes = np.vstack([as_rows(here.boxes), *(one.parts[name].box_level(T) for one in made)])[:, [0, 1, 3, 4, 6]]
     return [(number + 1, *box) for number, box in zip(ids, boxes.round(3).tolist(), strict=True)]

@@ -14,8 +14,9 @@ import numpy.typing as npt
 from automos.core.arrays import evenly_spread
 from automos.core.errors import AutomosError
 from automos.core.scan import Scan, Sequence
+from automos.odometry.clock import GAP, USUAL_RATE
 from automos.readers import find_recordings, kind_of, open_sequence
-from automos.results.recording_warnings import GAP, USUAL_RATE, recording_warnings
+from automos.results.recording_warnings import recording_warnings
 
 if TYPE_CHECKING:
     from automos.simulation.sensing.sensors import Sensor
@@ -238,9 +239,7 @@ def _look_beside(sequence: Sequence, found: Check) -> None:
         found.period = float(np.median(steps))
         found.gaps = int((steps > GAP * found.period).sum())
     else:
-        found.assumed.append(
-            f"{USUAL_RATE:.0f} scans a second, as nothing says when they were taken; times.txt would, or label --rate"
-        )
+        found.assumed.append(f"{USUAL_RATE:.0f} scans a second, as no file says when: times.txt would, or label --rate")
     if found.sweep is None and sequence.is_compensated is None:
         found.assumed.append("when in its sweep a point was measured is found from directions and from how scans fit")
     if "intensity" not in found.fields:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.arrays import some_of
 from automos.core.upright_boxes import Boxes, points_in_boxes
 from automos.views.topdown import FALSE, MISSED, MOVING, STATIC
 
@@ -166,7 +167,7 @@ class Thumbnails:
             reach = 0.5 * float((high - low).max()) + 0.5 * max(boxes[0]["size"][:2]) + MARGIN
             half = float(np.clip(reach, MIN_HALF, MAX_HALF))
             self._pictures[track["id"]] = _Picture(0.5 * (low + high), half)
-            moments = moments_of(len(boxes), MOMENTS)
+            moments = some_of(len(boxes), MOMENTS)
             middle = moments[len(moments) // 2]
             for moment in moments.tolist():
                 shade = round(moment / max(len(boxes) - 1, 1) * (MOMENTS - 1))
@@ -210,11 +211,6 @@ class Thumbnails:
                 "half": round(picture.half, 2),
             }
         return page
-
-
-def moments_of(n: int, most: int) -> npt.NDArray[np.int64]:
-    """Return at most `most` of the numbers from 0 to `n` - 1, evenly, the first and the last among them."""
-    return np.unique(np.linspace(0, n - 1, most).round().astype(int)) if n else np.zeros(0, np.int64)
 
 
 def thin_rows(rows: npt.NDArray, most: int) -> npt.NDArray:

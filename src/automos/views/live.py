@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.geometry import make_transform, quaternion_of, transform
+from automos.core.geometry import quaternion_of, transform, upright_pose
 from automos.core.labels import Label
 from automos.core.scan import Pose, Scan
 from automos.labeler import LabelledScan
@@ -168,8 +168,7 @@ class FoxgloveView:
         everything = m.SceneEntityDeletion(timestamp=time, type=m.SceneEntityDeletionType.All)
         entities = []
         for thing in given.objects:
-            c, s = np.cos(thing["yaw"]), np.sin(thing["yaw"])
-            T = make_transform([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], thing["center"])
+            T = upright_pose((np.cos(thing["yaw"]), np.sin(thing["yaw"])), thing["center"])
             size, color = self._vector(thing["size"]), m.Color(**dict(zip("rgba", _COLOR, strict=True)))
             cube = m.CubePrimitive(pose=self._pose(T), size=size, color=color)
             entities.append(m.SceneEntity(timestamp=time, frame_id=WORLD, id=str(thing["track"]), cubes=[cube]))

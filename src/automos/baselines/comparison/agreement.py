@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.evaluation.report import without_nan
+from automos.core.json_members import without_nan
 
 
 @dataclass(frozen=True, eq=False)

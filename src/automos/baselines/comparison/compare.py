@@ -21,8 +21,8 @@ from automos.baselines.comparison.runs import MethodRuns, is_moving
 from automos.baselines.methods import TITLES, choose_methods
 from automos.core.atomic import write_text
 from automos.core.errors import InputError, MissingExtraError
+from automos.core.json_members import without_nan
 from automos.evaluation.moving import Counts, Scores, count
-from automos.evaluation.report import without_nan
 
 if TYPE_CHECKING:
     from rich.table import Table

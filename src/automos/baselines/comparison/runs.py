@@ -29,8 +29,9 @@ from automos.core.labels import Label, to_mos
 from automos.core.parallel import end_with
 from automos.core.run import Progress, Run
 from automos.core.scan import Pose, Sequence
+from automos.core.stages import fingerprint
 from automos.core.working_folder import starting_processes
-from automos.core.workspace import Workspace, fingerprint
+from automos.core.workspace import Workspace
 from automos.evaluation.predictions import find_predictions
 from automos.odometry.estimate import estimate_trajectory
 from automos.odometry.trajectory import SequenceFrames, Trajectory
