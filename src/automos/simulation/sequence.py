@@ -147,7 +147,8 @@ class SimulatedSequence(Sequence):
 
     @property
     def _verdicts(self) -> Verdicts:
-        return _verdicts(replace(self, compensated=False, conditions=Conditions(self.conditions.rig)))
+        in_clear_air = replace(self.conditions, weather="clear", blooming=False)
+        return _verdicts(replace(self, compensated=False, conditions=in_clear_air))
 
     @property
     def _T_body_sensor(self) -> Pose:
