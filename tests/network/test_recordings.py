@@ -6,6 +6,7 @@ from worlds import street, write_bins
 from automos.core.atomic import write_text
 from automos.core.errors import InputError
 from automos.core.labels import Label, pack
+from automos.core.workspace import Workspace
 from automos.network.recordings import LabelledRecording, ScanLabels, Shelf, Source, open_labelled
 from automos.network.samples import TrainingSamples, ValidationSamples, draw_sector, measure_classes, measure_scale
 
@@ -53,18 +54,20 @@ def test_a_window_looks_back_as_far_as_its_residuals(recordings):
 
 
 def test_manual_and_automatic_labels_are_read_alike(recordings, folder, world, tmp_path):
-    results = tmp_path / "run"
-    (results / "predictions").mkdir(parents=True)
-    (results / "confidences").mkdir()
+    results = tmp_path / "predictions"  # called as the folder in it
+    for name in ("predictions", "confidences"):
+        (results / name).mkdir(parents=True)
     for i, name in enumerate(world.sequence.names):
         pack(world.truth[i]).tofile(results / "predictions" / f"{name}.label")
         np.save(results / "confidences" / f"{name}.npy", np.full(len(world.truth[i]), 0.25, np.float32))
-    write_text(results / "run.json", "{}")
+    write_text(results / "run.json", '{"stages": {"odometry": "0"}}')
+    Workspace(results).stage("odometry", "0").save("all", recordings[0].trajectory.to_arrays())
     automatic = open_labelled([Source(folder, results)], settings(), tmp_path / "poses")[0].read(2)
     manual = recordings[0].read(2)
     assert np.array_equal(automatic.classes, manual.classes)
     assert set(automatic.confidence) == {np.float32(0.25)}
     assert set(manual.confidence) == {np.float32(1.0)}
+    assert not (tmp_path / "poses").exists()  # those of the run are taken
 
 
 def test_a_recording_without_labels_is_told(world, tmp_path):

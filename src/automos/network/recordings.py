@@ -75,8 +75,8 @@ class ScanLabels:
 
     def __init__(self, sequence: Sequence, results: Path | None = None):
         """Find them; raise InputError if there are none."""
-        self.sequence, self.results = sequence, results
-        self._predictions = None if results is None else find_predictions(results, sequence.name, is_only=True)
+        self.sequence = sequence
+        self.folder = None if results is None else find_predictions(results, sequence.name, is_only=True)
         if results is None and all(sequence.truth(i) is None for i in range(min(len(sequence), 10))):
             raise InputError(
                 f"{sequence.name} came without labels: label it first and give RECORDING=RESULTS, or leave it out"
@@ -86,13 +86,13 @@ class ScanLabels:
         """Return the (N,) labels of a scan, 0 if nobody labelled it, and how sure each is."""
         name = self.sequence.names[index]
         certain = np.ones(n_points, np.float32)
-        if self._predictions is None:
+        if self.folder is None:
             truth = self.sequence.truth(index)
             return (np.zeros(n_points, np.uint8) if truth is None else to_mos(truth)), certain
-        path = self._predictions.parent / "confidences" / f"{name}.npy"
+        path = self.folder.parent / "confidences" / f"{name}.npy"
         if path.exists():
             certain = read_confidences(path, n_points)
-        return to_mos(read_labels(self._predictions / f"{name}.label", n_points)), certain
+        return to_mos(read_labels(self.folder / f"{name}.label", n_points)), certain
 
     def have(self, label: Label) -> bool:
         """Whether any point of any scan has `label`; every tenth scan is read first."""
@@ -197,7 +197,7 @@ def measure_grid(frames: list[Frame], settings: ImageSettings) -> ImageGrid:
 
 def _trajectory(labels: ScanLabels, settings: Settings, cache: Path, progress: Progress) -> Trajectory:
     sequence = labels.sequence
-    found = None if labels.results is None else StoredStages(labels.results).load("odometry", "all")
+    found = None if labels.folder is None else StoredStages(labels.folder).load("odometry", "all")
     if found is None:
         key = fingerprint(sequence.fingerprint(), settings.odometry.model_dump(mode="json"))
         tell = lambda _, done, total: progress(f"poses {sequence.name}", done, total)  # noqa: E731
