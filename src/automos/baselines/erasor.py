@@ -93,17 +93,11 @@ def clean_submap(frames: Frames, submap: range, own: range, parameters: Paramete
     rejected: dict[int, Mask] = {}
     for k in submap[:: parameters.every]:
         frame, ids = frames[k], ids_of[k - submap[0]]
-        near = _voxels_near(mean, frame.origin_level.astype(np.float32), np.float32(parameters.max_range))
-        rejected[k] = compare_bins(
-            near,
-            transform(T_body_sensor @ inverse(frame.T_level_sensor), mean[near]),
-            is_alive,
-            was_scanned,
-            np.int32(k),
-            transform(T_body_sensor, frame.points),
-            ids,
-            parameters,
-        )
+        away = mean[:, :2] - frame.origin_level[:2].astype(np.float32)
+        near = np.flatnonzero(np.einsum("ij,ij->i", away, away) <= np.float32(parameters.max_range) ** 2)
+        of_map = transform(T_body_sensor @ inverse(frame.T_level_sensor), mean[near])
+        of_scan = transform(T_body_sensor, frame.points)
+        rejected[k] = compare_bins(near, of_map, is_alive, was_scanned, np.int32(k), of_scan, ids, parameters)
     for k in own:
         yield labels_of_voxels(ids_of[k - submap[0]], ~is_alive) | rejected.get(k, False)
 
@@ -111,10 +105,3 @@ def clean_submap(frames: Frames, submap: range, own: range, parameters: Paramete
 def _add_beside_body(voxels: VoxelMap, frame: Frame, ego_radius: float) -> npt.NDArray[np.int32]:
     level = frame.points[:, :2]
     return add_used(voxels, frame, np.einsum("ij,ij->i", level, level) > ego_radius**2)
-
-
-def _voxels_near(
-    mean: npt.NDArray[np.float32], origin: npt.NDArray[np.float32], max_range: np.float32
-) -> npt.NDArray[np.int64]:
-    x, y = mean[:, 0] - origin[0], mean[:, 1] - origin[1]
-    return np.flatnonzero(x * x + y * y <= max_range * max_range)

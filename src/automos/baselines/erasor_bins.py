@@ -96,7 +96,7 @@ def compare_bins(
     _remove_above_ground(near[rows], map_points[rows], map_bins[rows], is_alive, was_scanned == stamp, about.plane)
     if about.version != 2:
         return np.zeros(len(scan_points), bool)
-    is_back = np.isin(decision[scan_bins], (_SIMILAR, _SCAN_ONLY))
+    is_back = np.isin(decision, (_SIMILAR, _SCAN_ONLY))[scan_bins]
     is_alive[scan_ids[is_back]] = True
     return (decision[scan_bins] == _SCAN_HIGHER) & (of_scan.high[scan_bins] > about.bin_max_height)
 

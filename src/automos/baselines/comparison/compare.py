@@ -75,10 +75,8 @@ class Comparison:
                 "needs_future": self.needs_future[name],
                 **({} if cost is None else _plain_cost(cost)),
             }
-        plain = {key: getattr(self, key) for key in ("recording", "n_scans", "poses")}
-        return without_nan(
-            {**plain, "methods": methods, "missing": self.missing, "agreement": self.agreement.to_dict()}
-        )
+        plain = {key: getattr(self, key) for key in ("recording", "n_scans", "poses")} | {"methods": methods}
+        return without_nan({**plain, "missing": self.missing, "agreement": self.agreement.to_dict()})
 
     def tables(self) -> list[Table]:
         """Return Table I, and how far the methods agree."""
