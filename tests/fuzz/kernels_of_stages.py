@@ -19,7 +19,7 @@ from automos.evidence.ground import find_ground
 from automos.evidence.look_through import look_through
 from automos.objects import detect, places
 from automos.objects.boxes import fit_boxes
-from automos.objects.face_paths import path_terms
+from automos.objects.face_paths import path_terms, way_beyond
 from automos.objects.looks import share_first_looks
 from automos.objects.motion import smooth
 from automos.objects.object_points import paint_objects
@@ -66,7 +66,6 @@ def _ego_body(points: np.ndarray) -> None:
 
 def _erasor(points: np.ndarray) -> None:
     n = len(points)
-    erasor._voxels_near(points, points[0], np.float32(80.0))
     erasor_bins.polar_bins(points, erasor.Parameters(min_height=-1.0))
     ids, is_alive, scanned = np.arange(n), np.ones(n, bool), np.full(n, -1, np.int32)
     for version in (2, 3):
@@ -116,6 +115,7 @@ def _tracking(points: np.ndarray) -> None:
     state_probabilities(whole, np.arange(len(points)) * 0.1, values[:, 0].copy(), even, even, 0.01, 0.02)
     share_first_looks(values[:, 0].copy(), whole, np.arange(len(points)) * 0.1, np.ones(1, bool))
     path_terms(whole, np.arange(len(points)) * 0.1, np.hstack([values, values])[:, :4])
+    way_beyond(whole, np.arange(len(points)) * 0.1, np.stack([values, values], axis=1)[..., :2], values[:, :2])
 
 
 def _odometry(points: np.ndarray) -> None:

@@ -13,7 +13,9 @@ from automos.objects.verdict import Verdict, Verdicts
 STAMPS = 0.1 * np.arange(20)
 
 
-def one_track(center, n_points=100, moved=1.0, stayed=0.0, scans=None, side=1.0, z=0.0, is_piece=False):
+def one_track(
+    center, n_points=100, moved=1.0, stayed=0.0, scans=None, side=1.0, z=0.0, is_piece=False, is_hidden=False
+):
     """A track seen in `scans` (all where not given) at `center` (T, 2), with shares of its points moved and stayed."""
     scans = np.arange(len(center)) if scans is None else np.asarray(scans)
     center = np.column_stack([center, np.broadcast_to(z, len(center))])
@@ -28,6 +30,7 @@ def one_track(center, n_points=100, moved=1.0, stayed=0.0, scans=None, side=1.0,
     seen = [Detections.of_objects(found[s], *counts) if s in found else none for s in range(20)]
     for one in seen:
         one.part_of[:] = 0 if is_piece else -1
+        one.hidden[:] = is_hidden
         one.has_stayed[:] = stayed > moved
     return table, seen
 
@@ -148,9 +151,10 @@ def test_while_more_scans_come_a_way_speaks_for_motion_and_none_says_nothing():
     stands, creeps, drives = (so_far(center=speed * STRAIGHT) for speed in (0.0, 0.004, 1.0))
     assert stands == creeps  # what has not gone yet may still go
     assert stands > confidence_on(center=0.0 * STRAIGHT, moved=0.1, stayed=0.2)
-    odds = drives / (1.0 - drives) * (1.0 - stands) / stands
+    slides = so_far(center=STRAIGHT, is_hidden=True)
+    odds = slides / (1.0 - slides) * (1.0 - stands) / stands
     assert odds == pytest.approx(np.exp(SO_FAR))
-    assert drives < confidence_on(center=STRAIGHT, moved=0.1, stayed=0.2)
+    assert slides < drives < confidence_on(center=STRAIGHT, moved=0.1, stayed=0.2)
 
 
 def test_no_tracks_have_no_verdicts():

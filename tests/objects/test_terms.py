@@ -128,3 +128,20 @@ def test_segments_are_numbered_from_scan_to_scan():
     assert seen.begins.tolist() == [0, 1, 1, 3]
     assert seen.terms.part_of.tolist() == [-1, -1, 1]
     assert seen.of(tracks((0, 0, 0), (0, 1, -1), (0, 2, 1))).tolist() == [0, -1, 2]
+
+
+def test_the_ends_of_a_box_are_its_corners_farthest_to_the_left_and_to_the_right():
+    boxes = Boxes(
+        np.array([[10.0, 0.0, 0.0], [0.0, 10.0, 0.0]]), np.array([[4.0, 2.0, 1.5]] * 2), np.zeros(2), np.ones(2)
+    )
+    found = Detections.of_objects(boxes, *np.ones((3, 2)), sensor=(0.0, 0.0))
+    ahead, beside = segment_terms(found).ends
+    assert np.allclose(ahead, [[8.0, 1.0], [8.0, -1.0]])  # of what is seen from behind, at its rear
+    assert np.allclose(beside, [[-2.0, 9.0], [2.0, 9.0]])
+
+
+def test_what_is_hidden_or_cut_out_of_something_has_no_end_there():
+    boxes = Boxes(np.full((3, 3), 9.0), np.ones((3, 3)), np.zeros(3), np.ones(3))
+    found = Detections.of_objects(boxes, *np.ones((3, 3)), hidden=np.array([[True, False], [False, True], [False] * 2]))
+    ends = segment_terms(replace(found, part_of=np.array([-1, -1, 0], np.int32))).ends
+    assert np.isnan(ends[..., 0]).tolist() == [[True, False], [False, True], [True, True]]

@@ -82,7 +82,8 @@ def detect_objects(
 
     static, _ = _renumbered(ids, is_compact & ~is_consistent, n_objects)
     nearest = nearest_points(seen_from, ray_steps)
-    parts = [_describe(of, seen, nearest) for of in (objects, np.maximum(static - n_objects, -1))]
+    sensor = float(origin[0]), float(origin[1])
+    parts = [_describe(of, seen, nearest, sensor) for of in (objects, np.maximum(static - n_objects, -1))]
     parts[1].has_stayed[:] = True
     found, is_cut = Detections.concatenate(parts), (objects >= 0) & (static >= 0)
     found.part_of[objects[is_cut]] = static[is_cut]
@@ -110,12 +111,12 @@ def _is_consistent(count: npt.NDArray, moved: npt.NDArray, stayed: npt.NDArray, 
     return (moved > 0) & (moved >= settings.min_share * (moved + stayed)) | (stayed <= SILENCE * count)
 
 
-def _describe(ids: Ids, seen: ScanPoints, nearest: Nearest) -> Detections:
+def _describe(ids: Ids, seen: ScanPoints, nearest: Nearest, sensor: tuple[float, float]) -> Detections:
     """Return the boxes, counts, lift, solidity and hidden sides of segments 0, 1, ... of `ids`."""
     count, moved, stayed, _, lift, solid = _summarise(ids, *seen)
     hidden = hidden_sides(ids, nearest, len(count))
     boxes = fit_boxes(seen.points, ids, np.ones(len(count)))
-    return Detections.of_objects(boxes, count, moved, stayed, lift, solid, hidden)
+    return Detections.of_objects(boxes, count, moved, stayed, lift, solid, hidden, sensor)
 
 
 def _renumbered(ids: Ids, is_kept: Mask, first: int) -> tuple[Ids, int]:

@@ -33,6 +33,8 @@ class Detections:
         In [0, 1], mean over its points of the share of adjacent rays that ended beside the point.
     hidden : (M, 2) bool
         Whether something nearer is beside its left and its right end, seen from the sensor.
+    sensor : (M, 2) float64
+        Metres, level frame: from where it was seen.
     """
 
     boxes: Boxes
@@ -44,6 +46,7 @@ class Detections:
     lift: npt.NDArray[np.float64]
     solidity: npt.NDArray[np.float64]
     hidden: npt.NDArray[np.bool_]
+    sensor: npt.NDArray[np.float64]
 
     def __len__(self) -> int:
         return len(self.boxes)
@@ -65,14 +68,15 @@ class Detections:
         lift: npt.NDArray[np.float64] | None = None,
         solidity: npt.NDArray[np.float64] | None = None,
         hidden: npt.NDArray[np.bool_] | None = None,
+        sensor: tuple[float, float] = (0.0, 0.0),
     ) -> Detections:
         """Return segments that may all be objects, none a part of another; by default solid and on the ground."""
         n = len(boxes)
         lift = np.zeros(n) if lift is None else lift
         solidity = np.ones(n) if solidity is None else solidity
         hidden = np.zeros((n, 2), np.bool_) if hidden is None else hidden
-        nothing_stayed, whole = np.zeros(n, np.bool_), np.full(n, -1, np.int32)
-        return Detections(boxes, n_points, n_moving, n_static, nothing_stayed, whole, lift, solidity, hidden)
+        nothing_stayed, whole, seen_from = np.zeros(n, np.bool_), np.full(n, -1, np.int32), np.tile(sensor, (n, 1))
+        return Detections(boxes, n_points, n_moving, n_static, nothing_stayed, whole, lift, solidity, hidden, seen_from)
 
     @staticmethod
     def nothing() -> Detections:

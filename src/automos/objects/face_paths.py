@@ -5,10 +5,14 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.kernels import kernel
 from automos.objects.motion import smooth_paths
+from automos.objects.tracker import LONGEST_STEP
 
 Array = npt.NDArray[np.float64]
 LEAST_SCATTER = 0.05  # metres, of the faces of a box
+SLIDES = 3.0  # how much faster than the sensor segments of scenery slide, at most
+_MOMENTS = 64  # of a path that are looked at, at most
 
 
 def path_terms(first: npt.NDArray[np.int64], times: Array, faces: Array) -> tuple[Array, Array, Array]:
@@ -30,3 +34,49 @@ def path_terms(first: npt.NDArray[np.int64], times: Array, faces: Array) -> tupl
     way[is_there] = np.linalg.norm((path[first[1:][is_there] - 1] - path[begin[is_there]])[:, :2], axis=1)
     scatter = np.sqrt(squared[0] + squared[1]) + LEAST_SCATTER
     return scatter, np.log1p(unsteady), np.log1p(way * np.sqrt(np.maximum(n - 2.0, 0.0)) / scatter)
+
+
+def way_beyond(
+    first: npt.NDArray[np.int64], times: Array, ends: npt.NDArray[np.floating], sensor: npt.NDArray[np.floating]
+) -> Array:
+    """Return (T,) the logarithm of the way that both ends of a track went while the sensor hardly did.
+
+    What a sensor sees of fences and walls changes as it drives, so their segments go with it; and where something
+    nearer hides an end, that of the segment is not the thing's. Both ends of a thing that went are elsewhere, in the
+    same direction. The farthest way of each in any interval counts, less `SLIDES` times the sensor's own in that
+    interval, in standard deviations about the smoothed path, which goes through any three sights. After `LONGEST_STEP`
+    without a sight it may be another thing that is seen.
+
+    first, times : see `path_terms`.   ends : (R, 2, 2), and sensor : (R, 2), see `SegmentTerms`.
+
+    Equation: way
+    """
+    track = np.repeat(np.arange(len(first) - 1), np.diff(first))
+    own = SLIDES * np.cumsum(np.linalg.norm(np.diff(sensor, axis=0, prepend=sensor[:1]), axis=1))
+    way, beyond = np.zeros((2, len(first) - 1, 2)), np.zeros((2, len(first) - 1))
+    for side in range(2):
+        rows = np.flatnonzero(np.isfinite(ends[:, side, 0]))
+        at = np.searchsorted(rows, first)
+        path, _, _ = smooth_paths(at, times[rows], np.pad(ends[rows, side], ((0, 0), (0, 1))))
+        off = ((ends[rows, side] - path[:, :2]) ** 2).sum(axis=1)
+        n = np.diff(at)
+        scatter = np.sqrt(np.bincount(track[rows], off, len(n)) / np.maximum(n, 1)) + LEAST_SCATTER
+        sight = np.cumsum(np.diff(times[rows], prepend=0.0) >= LONGEST_STEP)
+        _farthest(at, path, own[rows], sight, way[side], beyond[side])
+        beyond[side] *= np.sqrt(np.maximum(n - 3.0, 0.0)) / scatter
+    return np.where((way[0] * way[1]).sum(axis=1) > 0.0, np.log1p(beyond.min(axis=0)), 0.0)
+
+
+@kernel
+def _farthest(first, path, own, sight, way, beyond):  # type: ignore[no-untyped-def]
+    """Write the farthest way (T, 2) in a sight of each path, and by how much (T,) it exceeds the own way meanwhile."""
+    for t in range(len(beyond)):
+        step = (first[t + 1] - first[t]) // _MOMENTS + 1
+        for i in range(first[t], first[t + 1], step):
+            for j in range(i + step, first[t + 1], step):
+                if sight[j] > sight[i]:
+                    break
+                x, y = path[j, 0] - path[i, 0], path[j, 1] - path[i, 1]
+                longer = np.sqrt(x * x + y * y) - (own[j] - own[i])
+                if longer > beyond[t]:
+                    beyond[t], way[t, 0], way[t, 1] = longer, x, y

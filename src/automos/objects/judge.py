@@ -26,7 +26,7 @@ from scipy.special import expit, logit
 
 from automos.core.column_data import ColumnData
 from automos.core.scan import Mask
-from automos.objects.face_paths import path_terms
+from automos.objects.face_paths import path_terms, way_beyond
 from automos.objects.looks import looks, share_first_looks
 from automos.objects.motion import ACCELERATION, NOISE
 from automos.objects.states import later, state_probabilities
@@ -83,11 +83,11 @@ def judge_tracks(tracks: Tracks, segments: Segments, stamps: Array, past: Past |
     past : of each track, if they are judged while more scans come: that it has gone no way yet does not count.
     """
     known = Past.nothing(len(tracks)) if past is None else past
-    first, times, ratio, scatter, displaced = _weighted(tracks, segments, stamps, known)
+    first, times, ratio, scatter, displaced, beyond = _weighted(tracks, segments, stamps, known)
     _, p_ever = state_probabilities(first, times, ratio, *known.before(first, times), BEGIN, END)
     way = DISPLACED * displaced + LEFT
     # What has not gone far may still go.
-    p_ever = expit(logit(p_ever) + (way if past is None else np.clip(way, 0.0, SO_FAR)))
+    p_ever = expit(logit(p_ever) + (way if past is None else np.clip(way, 0.0, SO_FAR)) + DISPLACED * beyond)
     p_ever[(np.diff(first) < 2) & np.isinf(known.stamp)] = 0.0
     is_moving = p_ever >= 0.5
     verdict = np.where(is_moving, Verdict.MOVING, Verdict.STATIC).astype(np.int8)
@@ -109,10 +109,10 @@ def past_of(tracks: Tracks, segments: Segments, stamps: Array, past: Past, is_ov
 
 def _weighted(
     tracks: Tracks, segments: Segments, stamps: Array, past: Past
-) -> tuple[npt.NDArray[np.int64], Array, Array, Array, Array]:
+) -> tuple[npt.NDArray[np.int64], Array, Array, Array, Array, Array]:
     """Return the first observation of each track (T + 1,), times (R,) and log-likelihood ratios (R,) of all.
 
-    Fourth and fifth are (T,) the scatter of each track, metres, and the term of its way; see `path_terms`.
+    The others are (T,) the scatter of each track, metres, and the two terms of its way; see `path_terms`, `way_beyond`.
     """
     seen = np.flatnonzero(tracks.is_observed)
     first = np.searchsorted(tracks.track[seen], np.arange(len(tracks) + 1))
@@ -122,7 +122,7 @@ def _weighted(
     ratio = said.evidence + np.repeat(UNSTEADY * unsteady, np.diff(first))
     worth = looks(first, times, since=past.stamp)
     share_first_looks(worth, first, times, np.isinf(past.stamp))
-    return first, times, ratio * worth, scatter, displaced
+    return first, times, ratio * worth, scatter, displaced, way_beyond(first, times, said.ends, said.sensor)
 
 
 def moving_now(tracks: Tracks, verdicts: Verdicts, stamps: Array) -> Tracks:

@@ -40,6 +40,8 @@ class SegmentTerms(ColumnData):
     Attributes
     ----------
     faces : (M, 4) float64, metres: the centre along x and y, and the heights of the lower and of the upper face.
+    ends : (M, 2, 2) float32, metres: left and right end along x and y, NaN where something nearer hides it.
+    sensor : (M, 2) float32, metres: from where it was seen.
     evidence : (M,) float64, log-likelihood ratio of the points, moved against stayed, plus that of being a body.
     counts : (M, 3) float32, numbers of all its points, of those that have moved and of those that have stayed.
     is_asked : (M,) bool, whether scans a second or more away were asked.
@@ -48,6 +50,8 @@ class SegmentTerms(ColumnData):
     """
 
     faces: Array
+    ends: npt.NDArray[np.float32]
+    sensor: npt.NDArray[np.float32]
     evidence: Array
     counts: npt.NDArray[np.float32]
     is_asked: npt.NDArray[np.bool_]
@@ -106,7 +110,8 @@ def segment_terms(found: Detections, is_asked: bool = True) -> SegmentTerms:
     says = is_asked | (_known(counts, asked).sum(axis=-1) > 0.0)
     evidence = says * (BODY + of_bodies + _evidence(counts, asked))
     faces = np.stack([x, y, z - half, z + half], axis=-1)
-    return SegmentTerms(faces, evidence, counts.astype(np.float32), asked, found.part_of, found.has_stayed)
+    kept = counts.astype(np.float32), asked, found.part_of, found.has_stayed
+    return SegmentTerms(faces, _ends(found), found.sensor.astype(np.float32), evidence, *kept)
 
 
 def each_for_itself(segments: Segments, tracks: Tracks) -> Segments:
@@ -128,6 +133,17 @@ def each_for_itself(segments: Segments, tracks: Tracks) -> Segments:
     evidence, asked = terms.evidence.copy(), terms.is_asked[wholes]
     evidence[wholes] += _evidence(counts - lent, asked) - _evidence(counts, asked)
     return replace(segments, terms=replace(terms, evidence=evidence))
+
+
+def _ends(found: Detections) -> npt.NDArray[np.float32]:
+    """Return (M, 2, 2) the corners of the boxes farthest to the left and to the right, NaN where they are no ends."""
+    away = (found.boxes.center[:, :2] - found.sensor) @ [1.0, 1j]
+    along, across = 0.5 * found.boxes.size.T[:2] * np.exp(1j * found.boxes.yaw) * np.array([[1.0], [1j]])
+    corners = away + np.stack([along + across, along - across, across - along, -along - across])
+    bearing = np.angle(corners * away.conj())
+    ends = np.take_along_axis(corners, np.stack([bearing.argmax(axis=0), bearing.argmin(axis=0)]), axis=0).T
+    ends[found.hidden | (found.part_of >= 0)[:, None]] = np.nan  # a piece ends where the evidence does
+    return (np.stack([ends.real, ends.imag], axis=-1) + found.sensor[:, None]).astype(np.float32)
 
 
 def doubted(log_ratio: Array, wrong: float) -> Array:
