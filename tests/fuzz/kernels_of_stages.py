@@ -10,7 +10,7 @@ from automos.baselines.erasor_bins import fit_region_ground
 from automos.core import covariances, directions
 from automos.core.geometry import transform
 from automos.core.range_image import find_neighbours, make_image, project
-from automos.core.scan import Scan
+from automos.core.scan import GROUND, OBJECT, Scan
 from automos.core.upright_boxes import iou_3d, points_in_boxes
 from automos.core.voxels import VoxelMap, rows_of_first_in_voxel
 from automos.evidence import ego_body, on_body, votes
@@ -92,7 +92,9 @@ def _tracking(points: np.ndarray) -> None:
     ids = (np.arange(len(points)) % 3 - 1).astype(np.int32)
     some = ids > 0
     tracks = make_tracks(points[:3])
-    paint_objects(points, ids, ids[::-1].copy(), some, ~some, tracks, observed(tracks), SETTINGS.tracking.completion)
+    about = {"kind": np.where(some, np.uint8(GROUND), np.uint8(OBJECT)), "log_odds": np.where(some, -1.0, 1.0)}
+    found, completion = {"ids": ids, "stayed": ids[::-1].copy()}, SETTINGS.tracking.completion
+    paint_objects(points, about, found, tracks, observed(tracks), completion)
     box = Tracks(
         np.zeros(1, int),
         np.zeros(1, int),
@@ -102,9 +104,7 @@ def _tracking(points: np.ndarray) -> None:
         np.zeros(1),
         np.zeros((1, 3)),
     )
-    paint_objects(
-        points * np.float32(0.1), ids, ids, np.ones_like(some), some, box, observed(box), SETTINGS.tracking.completion
-    )
+    paint_objects(points * np.float32(0.1), about, found, box, observed(box), completion, is_told_apart=True)
     smooth(np.arange(len(points)) * 0.1, points[:, 0].astype(float), 0.01, 1.0)
     smooth(np.arange(len(points)) * 0.1, np.full(len(points), np.nan), 0.01, 1.0)
     smooth(points[:, 1].astype(float), points[:, 0].astype(float), 0.01, 1.0)

@@ -31,16 +31,23 @@ def with_labels(tracks):
     return np.where(tracks >= 0, Label.MOVING, Label.STATIC), tracks
 
 
-def paint(points, part, segment=0, may_move=None, has_stayed=False):
+def paint_in(points, segments, is_ground, log_odds, rows, is_told_apart=False):
+    """The track of each point, of the evidence on which the log-odds are given, one for all or for each."""
+    kind = np.where(is_ground, np.uint8(GROUND), np.uint8(OBJECT))
+    about = {"kind": kind, "log_odds": np.broadcast_to(log_odds, len(points))}
+    found = dict(zip(("ids", "stayed"), segments, strict=True))
+    return paint_objects(points, about, found, rows, observed(rows), CompletionSettings(), is_told_apart)
+
+
+def paint(points, part, segment=0, log_odds=0.0, has_stayed=False, is_told_apart=False):
     ids = np.where(part == 1, segment, -1).astype(np.int32)
     none = np.full_like(ids, -1)
     row = Tracks(
         np.array([7]), np.array([0]), np.array([segment]), np.array([[0.0, 0.0, 0.6]]), np.array([[4.0, 2.0, 1.2]]),
         np.zeros(1), np.zeros((1, 3)),
     )  # fmt: skip
-    may_move = np.ones(len(points), bool) if may_move is None else may_move
     segments = (none, ids) if has_stayed else (ids, none)
-    return with_labels(paint_objects(points, *segments, part != 1, may_move, row, observed(row), CompletionSettings()))
+    return with_labels(paint_in(points, segments, part != 1, log_odds, row, is_told_apart))
 
 
 def test_wheels_taken_for_ground_are_the_objects_and_the_ground_is_not():
@@ -61,8 +68,19 @@ def test_a_segment_that_has_stayed_is_painted_whole_when_a_moving_track_ends_in_
 
 def test_what_is_known_to_have_stayed_is_left_alone():
     points, part = scene()
-    labels, _ = paint(points, part, may_move=part != 2)
+    labels, _ = paint(points, part, log_odds=np.where(part == 2, -1.0, 0.0))
     assert (labels[part == 2] == Label.STATIC).all()
+
+
+def test_what_stands_in_a_bodys_box_is_of_it_once_it_is_known_what_stands_there_in_other_scans():
+    points, part = scene()
+    points[part == 2, 2] = 0.3
+    log_odds = np.where(part == 2, -1.0, 0.0)
+    labels, _ = paint(points, part, log_odds=log_odds, is_told_apart=True)
+    assert (labels[part == 2] == Label.MOVING).all()
+    points[part == 2, 0] += 2.05 - points[part == 2, 0].max()  # beside it, and known to have stayed
+    labels, _ = paint(points, part, log_odds=log_odds, is_told_apart=True)
+    assert (labels[(part == 2) & (points[:, 0] > 2.0)] == Label.STATIC).all()
 
 
 def test_a_missed_objects_box_claims_what_stands_in_it():
@@ -72,10 +90,7 @@ def test_a_missed_objects_box_claims_what_stands_in_it():
         np.array([0]), np.array([0]), np.array([-1]), np.array([[0.0, 0.0, 0.6]]), np.array([[4.0, 2.0, 1.2]]),
         np.zeros(1), np.zeros((1, 3)),
     )  # fmt: skip
-    found = paint_objects(
-        points, ids, ids, part == 0, np.ones(len(points), bool), row, observed(row), CompletionSettings()
-    )
-    labels, _ = with_labels(found)
+    labels, _ = with_labels(paint_in(points, (ids, ids), part == 0, 0.0, row))
     assert (labels[part == 1] == Label.MOVING).all()
     assert (labels[part == 0] == Label.STATIC).all()
 
@@ -85,8 +100,7 @@ def test_no_moving_tracks_leave_everything_static():
     ids, boxes = np.zeros(0, np.int64), np.zeros((0, 3))
     none = Tracks(ids, ids, ids, boxes, boxes, np.zeros(0), boxes)
     nowhere = np.full(len(points), -1, np.int32)
-    tracks = paint_objects(points, nowhere, nowhere, part == 0, part >= 0, none, observed(none), CompletionSettings())
-    assert (tracks == -1).all()
+    assert (paint_in(points, (nowhere, nowhere), part == 0, 0.0, none) == -1).all()
 
 
 def test_on_smooth_ground_what_stands_a_few_centimetres_high_is_the_object_and_on_rough_ground_it_is_not():

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from automos.core.labels import Label
 from automos.core.parallel import map_in_order
-from automos.core.scan import EGO_BODY, GROUND, Frame
+from automos.core.scan import EGO_BODY, Frame
 from automos.core.stages import Arrays, PerScan
 from automos.objects.detections import Detections
 from automos.objects.object_points import find_moved, paint_objects, point_confidence, tracks_of_points
@@ -95,11 +95,10 @@ def _moving_tracks(
     if settings.tracking.method == "paper":
         return paint_points(points, found["ids"], moving)
     parts = here.parts[np.flatnonzero(np.isin(here.parts.track, moving.track))]
-    may_move = (about["kind"] != EGO_BODY) & (about["log_odds"] >= 0.0)
-    is_ground, completion = about["kind"] == GROUND, settings.tracking.completion
-    track = paint_objects(points, found["ids"], found["stayed"], is_ground, may_move, moving, parts, completion)
-    if objects.places is not None:
-        track[objects.places.static_points(points, track)] = -1
+    places, completion = objects.places, settings.tracking.completion
+    track = paint_objects(points, about, found, moving, parts, completion, is_told_apart=places is not None)
+    if places is not None:
+        track[places.static_points(points, track)] = -1
     return track
 
 

@@ -5,12 +5,14 @@ from it. Beside a moving object there is a better reference: the plane of the gr
 it. If an object was missed in a scan, the points in its predicted box are assigned to it unless they have stayed.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 import numpy.typing as npt
 
 from automos.core.geometry import Array
 from automos.core.kernels import kernel
-from automos.core.scan import OBJECT, SPECK, Mask
+from automos.core.scan import EGO_BODY, GROUND, OBJECT, SPECK, Mask
 from automos.objects.detections import Detections
 from automos.objects.tracks import Tracks
 from automos.settings import CompletionSettings
@@ -30,24 +32,26 @@ without an object 2 in 100 move if no scan reports on them, and 1 in 1000 if the
 
 def paint_objects(
     points: npt.NDArray,
-    ids: Ids,
-    stayed: Ids,
-    is_ground: Mask,
-    may_move: Mask,
+    about: Mapping[str, npt.NDArray],
+    found: Mapping[str, npt.NDArray],
     moving: Tracks,
     parts: Tracks,
     settings: CompletionSettings,
+    is_told_apart: bool = False,
 ) -> Ids:
     """Return (M,) int32 the moving track that each of one scan's points belongs to, -1 for none (`default`).
 
     Parameters
     ----------
     points : (M, 3) float, metres, level frame.
-    ids, stayed : (M,) int32, segment of each point, and segment that has stayed as a whole; -1 for none.
-    is_ground : (M,) bool, points classified as ground.
-    may_move : (M,) bool, points that are not known to have stayed and are not ego body.
+    about : `kind` (M,) of each point, OBJECT, GROUND, ..., and `log_odds` (M,) of having moved.
+    found : `ids` (M,), the segment of each point, and `stayed` (M,), that which has stayed as a whole; -1 for none.
     moving : Tracks, the rows of moving tracks in this scan, observed or predicted.   parts : all their segments.
+    is_told_apart : whether it is known what stands there in other scans (`places`). Two solid bodies are never in one
+        place, so all else in the box of one is of it, whatever the evidence on a point by itself says.
     """
+    ids, stayed, is_ground = found["ids"], found["stayed"], about["kind"] == GROUND
+    has_stayed, is_ego = about["log_odds"] < 0.0, about["kind"] == EGO_BODY
     track_of, margin = tracks_of_points(ids, stayed, parts), settings.margin
     owned = np.flatnonzero(track_of >= 0)
     for k in range(len(moving.track)):
@@ -62,7 +66,10 @@ def paint_objects(
             high = np.r_[max(high[0], own[0].max()), own[1:].max(axis=1)]
         reach = np.hypot(*np.maximum(-low[:2], high[:2])) + RINGS[-1] + margin
         rows, local, outside = _around(points, center, turn, low[:2], high[:2], reach)
-        is_mine = (outside <= margin) & (local[2] <= high[2] + margin) & may_move[rows] & (track_of[rows] < 0)
+        is_mine = (outside <= margin) & (local[2] <= high[2] + margin) & ~has_stayed[rows]
+        if is_told_apart:
+            is_mine |= (np.abs(local) <= 0.5 * size[:, None]).all(axis=0)
+        is_mine &= ~is_ego[rows] & (track_of[rows] < 0)
         distances = outside[is_ground[rows] & (outside > margin)] - margin
         ring = next((ring for ring in RINGS if np.count_nonzero(distances <= ring) >= MIN_GROUND), RINGS[0])
         is_beside = is_ground[rows] & (outside > margin) & (outside <= ring + margin)

@@ -19,7 +19,7 @@ from automos.objects.detections import Detections
 from automos.objects.extents import Intervals, Scans, make_whole, shown_intervals
 from automos.objects.judge import is_scenery, judge_tracks, moving_now
 from automos.objects.kinds import EXTENT, Kind
-from automos.objects.object_points import tracks_of_points
+from automos.objects.object_points import paint_objects
 from automos.objects.paper.verdict import judge_by_trajectory, with_speed_as_state
 from automos.objects.parts import parts_of_bodies
 from automos.objects.places import Places, count_places, held_places, touched_columns
@@ -195,20 +195,19 @@ def find_places(
     scans: Scans, tracks: Tracks, parts: Tracks, verdicts: Verdicts, settings: Settings, workers: int
 ) -> Places:
     """Return the places occupied by movers that static objects occupied in many more scans."""
-    moving = tracks[np.flatnonzero(verdicts.is_moving[tracks.track] & tracks.is_observed)]
-    columns, n = touched_columns(moving.boxes), len(scans.names)
-    rows_of_scan = parts.rows_by_scan(n)
-    is_moving = verdicts.is_moving[parts.track]
+    bodies, parts = (rows[np.flatnonzero(verdicts.is_moving[rows.track])] for rows in (tracks, parts))
+    columns, n = touched_columns(observed(bodies).boxes), len(scans.names)
+    bodies_of_scan, parts_of_scan = bodies.rows_by_scan(n), parts.rows_by_scan(n)
 
     def held(i: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
-        name = scans.names[i]
+        name, points = scans.names[i], scans.frames[i].points_level
         found, about = scans.instances.load(name, "ids", "stayed"), scans.candidates.load(name, "kind", "log_odds")
+        here = bodies[bodies_of_scan[i]], parts[parts_of_scan[i]]
+        track = paint_objects(points, about, found, *here, settings.tracking.completion, is_told_apart=True)
         stands = np.flatnonzero(about["kind"] == OBJECT)
-        track = tracks_of_points(
-            found["ids"][stands], found["stayed"][stands], parts[rows_of_scan[i][is_moving[rows_of_scan[i]]]]
-        )
-        has_stayed = about["log_odds"][stands] < -settings.instances.components.min_log_odds
-        return held_places(scans.frames[i].points_level[stands], track >= 0, (track < 0) & has_stayed, columns)
+        is_body, log_odds = track[stands] >= 0, about["log_odds"][stands]
+        has_stayed = log_odds < -settings.instances.components.min_log_odds
+        return held_places(points[stands], is_body, ~is_body & has_stayed, columns)
 
     asked = range(n) if len(columns) else ()
     return Places(count_places(map_in_order(held, asked, workers, threads=True)), verdicts.is_moving)
