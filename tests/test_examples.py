@@ -10,6 +10,7 @@ SAYS = {"label_arrays": r"[1-9]\d* moving", "label_folder": r"[1-9]\d* of \d+ po
 EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("*.py"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
 def test_every_example_runs_and_says_what_it_did(example, tmp_path):
     source = Path(__file__).parents[1] / "src"

@@ -81,7 +81,7 @@ def test_the_ground_stays(found, yard):
     assert share(found[1], lambda i: yard.block[i] == GROUND) <= 0.02
 
 
-@pytest.mark.parametrize("method", ["m_detector", "yoon", "hmm_mos", "removert"])
+@pytest.mark.parametrize("method", ["m_detector", "yoon", pytest.param("hmm_mos", marks=pytest.mark.slow), "removert"])
 def test_a_run_that_starts_later_finds_the_same(method, yard):
     def find(start):
         return dict(BASELINES[method].find_moving(yard, yard.stamps, load_settings(), start))

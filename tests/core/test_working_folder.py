@@ -54,7 +54,13 @@ def left_by_planted(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir() if path.name not in ("logs", "bin", "out"))
 
 
-@pytest.mark.parametrize("arguments", [(".",), ("a", "--preset", "paper")], ids=["worker processes", "joblib's"])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        pytest.param((".",), id="worker processes"),
+        pytest.param(("a", "--preset", "paper"), id="joblib's", marks=pytest.mark.slow),
+    ],
+)
 def test_modules_and_settings_beside_the_recordings_are_not_run(folder, arguments):
     done = run(folder, "label", *arguments, "--out", str(folder / "out"), "--workers", "2")
     assert done.returncode == 0, done.stderr

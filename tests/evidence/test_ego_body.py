@@ -290,7 +290,10 @@ def covered(frames, truth):
     return np.concatenate(found), np.concatenate(truth[::6])
 
 
-@pytest.mark.parametrize("make", [boat, boat_at_its_quay, articulated, roundabout, convoy, backpack, swinging_arms])
+MORE = [pytest.param(make, marks=pytest.mark.slow) for make in (boat_at_its_quay, roundabout, backpack, swinging_arms)]
+
+
+@pytest.mark.parametrize("make", [boat, articulated, convoy, *MORE])
 def test_what_rides_along_is_body_and_nothing_else_is(make):
     found, truth = covered(*make())
     assert found[truth == OWN].mean() > 0.995

@@ -37,6 +37,7 @@ def test_the_fuzzer_tells_a_traceback_from_a_refusal(tmp_path):
     assert outcomes[1] in ("refused", "accepted")
 
 
+@pytest.mark.slow
 def test_an_input_that_takes_too_much_processor_time_is_a_hang_and_one_that_waits_for_the_machine_is_not(monkeypatch):
     monkeypatch.setattr("fuzzer.PATIENCE", 0.02)
     reader = Reader()
@@ -46,6 +47,7 @@ def test_an_input_that_takes_too_much_processor_time_is_a_hang_and_one_that_wait
     reader.end()
 
 
+@pytest.mark.slow
 def test_what_is_damaged_is_read_whole_before(tmp_path):
     code = (
         "import child, sys\n"

@@ -15,6 +15,7 @@ if not hasattr(os, "fork"):
 from kills import try_fault
 
 
+@pytest.mark.slow
 def test_commands_that_are_disturbed_lose_nothing_and_give_the_same_bytes_again():
     # in a process of its own: kernels that other tests loaded do not survive a fork
     script = Path(__file__).parent / "kills.py"

@@ -50,6 +50,7 @@ def test_what_is_no_packet_of_the_sensor_is_counted_and_changes_nothing(packets)
     assert [len(scan) for scan in got] == [len(scan) for scan in wanted]
 
 
+@pytest.mark.slow
 def test_a_clock_that_stands_still_does_not_fill_memory(packets):
     assembler = VelodyneAssembler()
     for _ in range(6000):

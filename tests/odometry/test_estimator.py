@@ -53,7 +53,9 @@ def test_a_start_in_full_flight_is_found():
     np.testing.assert_allclose(found, true, rtol=0.1)
 
 
-@pytest.mark.parametrize(("seed", "most"), [(0, 30), (1, 12), (3, 60)])
+@pytest.mark.parametrize(
+    ("seed", "most"), [(0, 30), *(pytest.param(*few, marks=pytest.mark.slow) for few in ((1, 12), (3, 60)))]
+)
 def test_however_many_scans_are_lost_the_others_are_followed(seed, most):
     """As on a robot that is too slow: whatever was sought in the background fits what is there when it is found."""
     there = [scan.points for scan in simulate("city", "VLP-16", n_scans=40, seed=8)]

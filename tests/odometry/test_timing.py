@@ -195,12 +195,14 @@ def test_times_asked_for_but_not_there_are_an_error_that_says_what_to_do():
         choose(ArraySequence([np.ones((5, 3))] * 3), time="file")
 
 
+@pytest.mark.slow
 def test_sweeps_of_half_the_time_between_scans_are_found_where_full_ones_are_as_wrong_as_none():
     drive = record_drive("city", "OS1-128", 40, 109, convention=Convention(every=2))
     timing = choose(drive)
     assert (timing.source, timing.turn, timing.share) == ("azimuth", -1, 0.5)
 
 
+@pytest.mark.slow
 def test_the_most_common_seam_is_compared_though_the_vehicle_hides_the_rear():
     drive = record_drive("city", "OS1-128", 40, 109, conditions=Conditions(rig="truck"))
     timing = choose(drive)

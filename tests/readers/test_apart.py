@@ -59,6 +59,7 @@ def test_a_file_that_its_library_dies_of_is_told_and_the_next_is_read(log):
     assert len(sequence[2]) > 0
 
 
+@pytest.mark.slow
 def test_it_is_told_in_threads_and_in_worker_processes_too(log):
     items = [(log, k % 3) for k in range(6)]
     for threads in (True, False):

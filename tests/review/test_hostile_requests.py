@@ -167,6 +167,7 @@ def test_two_requests_of_one_connection_have_their_time_each(server, monkeypatch
     connection.close()
 
 
+@pytest.mark.slow
 def test_connections_beyond_what_a_browser_makes_are_refused_and_no_thread_is_kept_for_them(server, monkeypatch):
     monkeypatch.setattr(server_module._Handler, "timeout", 1.0)
     before = threading.active_count()

@@ -16,7 +16,11 @@ N_SCANS = 100
 VEHICLES = {"car", "van", "truck", "trailer", "bus", "tram"}
 
 
-@pytest.fixture(scope="module", params=simulation.SCENARIOS)
+OFTEN = ("city", "hills", "waiting", "country")
+ALL = [name if name in OFTEN else pytest.param(name, marks=pytest.mark.slow) for name in simulation.SCENARIOS]
+
+
+@pytest.fixture(scope="module", params=ALL)
 def sequence(request):
     return simulation.simulate(request.param, "VLP-16", N_SCANS, seed=1, compensated=True)
 

@@ -391,6 +391,7 @@ def test_the_first_line_is_true_of_real_recordings(recording_of, name, line):
     assert found.first_line == f"{name} can be labelled: {line.format(what)}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("has_times", [True, False], ids=["times", "no times"])
 @pytest.mark.parametrize("of_points", [(), ("time", "ring")], ids=["plain", "times of points"])
 @pytest.mark.parametrize("kind", ["bin", "pcd", "ply", "npy", "bag"])

@@ -49,6 +49,7 @@ def make_runs(recording, folder, world, **overrides) -> MethodRuns:
     return MethodRuns(open_sequence(recording), folder, overrides, poses=world.poses, workers=1)
 
 
+@pytest.mark.slow
 def test_scores_are_those_of_the_labels_that_were_kept(recording, world, tmp_path, in_this_process):
     runs = make_runs(recording, tmp_path, world)
     comparison = compare(runs, METHODS)
@@ -110,6 +111,7 @@ def test_without_truth_pictures_and_agreement_remain(world, tmp_path, in_this_pr
     assert picture.exists()
 
 
+@pytest.mark.slow
 def test_the_pipeline_is_given_the_same_poses(recording, world, tmp_path, in_this_process, monkeypatch):
     def no_odometry(*_):
         raise AssertionError("poses were estimated again")
