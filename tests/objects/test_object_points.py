@@ -83,6 +83,16 @@ def test_what_stands_in_a_bodys_box_is_of_it_once_it_is_known_what_stands_there_
     assert (labels[(part == 2) & (points[:, 0] > 2.0)] == Label.STATIC).all()
 
 
+def test_where_most_of_what_is_in_a_box_has_stayed_the_box_is_wrong():
+    points, part = scene()
+    points[part == 2, 2] = 0.3
+    wall = points[part == 1] - np.float32([0.0, 0.0, 0.6])
+    points, part = np.concatenate([points, wall, wall]), np.concatenate([part, np.full(2 * len(wall), 2)])
+    labels, _ = paint(points, part, log_odds=np.where(part == 2, -1.0, 0.0), is_told_apart=True)
+    assert (labels[part == 1] == Label.MOVING).all()
+    assert (labels[part == 2] == Label.STATIC).all()
+
+
 def test_a_missed_objects_box_claims_what_stands_in_it():
     points, part = scene()
     ids = np.full(len(points), -1, np.int32)

@@ -48,7 +48,8 @@ def paint_objects(
     found : `ids` (M,), the segment of each point, and `stayed` (M,), that which has stayed as a whole; -1 for none.
     moving : Tracks, the rows of moving tracks in this scan, observed or predicted.   parts : all their segments.
     is_told_apart : whether it is known what stands there in other scans (`places`). Two solid bodies are never in one
-        place, so all else in the box of one is of it, whatever the evidence on a point by itself says.
+        place, so all else in the box of one is of it, whatever the evidence on a point by itself says; but where most
+        of what is in a box has stayed, the box is wrong.
     """
     ids, stayed, is_ground = found["ids"], found["stayed"], about["kind"] == GROUND
     has_stayed, is_ego = about["log_odds"] < 0.0, about["kind"] == EGO_BODY
@@ -66,10 +67,11 @@ def paint_objects(
             high = np.r_[max(high[0], own[0].max()), own[1:].max(axis=1)]
         reach = np.hypot(*np.maximum(-low[:2], high[:2])) + RINGS[-1] + margin
         rows, local, outside = _around(points, center, turn, low[:2], high[:2], reach)
-        is_mine = (outside <= margin) & (local[2] <= high[2] + margin) & ~has_stayed[rows]
-        if is_told_apart:
-            is_mine |= (np.abs(local) <= 0.5 * size[:, None]).all(axis=0)
-        is_mine &= ~is_ego[rows] & (track_of[rows] < 0)
+        is_free = ~is_ego[rows] & (track_of[rows] < 0)
+        is_mine = (outside <= margin) & (local[2] <= high[2] + margin) & ~has_stayed[rows] & is_free
+        is_within = (np.abs(local) <= 0.5 * size[:, None]).all(axis=0) & has_stayed[rows] & is_free
+        if is_told_apart and np.count_nonzero(is_within) <= np.count_nonzero(track_of[rows] == moving.track[k]):
+            is_mine |= is_within
         distances = outside[is_ground[rows] & (outside > margin)] - margin
         ring = next((ring for ring in RINGS if np.count_nonzero(distances <= ring) >= MIN_GROUND), RINGS[0])
         is_beside = is_ground[rows] & (outside > margin) & (outside <= ring + margin)
