@@ -93,8 +93,7 @@ def _tracking(points: np.ndarray) -> None:
     some = ids > 0
     tracks = make_tracks(points[:3])
     about = {"kind": np.where(some, np.uint8(GROUND), np.uint8(OBJECT)), "log_odds": np.where(some, -1.0, 1.0)}
-    found = {"ids": ids, "stayed": ids[::-1].copy(), "part_of": np.full(9, -1, np.int32)}
-    completion = SETTINGS.tracking.completion
+    found, completion = {"ids": ids, "stayed": ids[::-1].copy()}, SETTINGS.tracking.completion
     paint_objects(points, about, found, tracks, observed(tracks), completion)
     box = Tracks(
         np.zeros(1, int),

@@ -35,7 +35,7 @@ def paint_in(points, segments, is_ground, log_odds, rows, is_told_apart=False):
     """The track of each point, of the evidence on which the log-odds are given, one for all or for each."""
     kind = np.where(is_ground, np.uint8(GROUND), np.uint8(OBJECT))
     about = {"kind": kind, "log_odds": np.broadcast_to(log_odds, len(points))}
-    found = {**dict(zip(("ids", "stayed"), segments, strict=True)), "part_of": np.full(9, -1, np.int32)}
+    found = dict(zip(("ids", "stayed"), segments, strict=True))
     return paint_objects(points, about, found, rows, observed(rows), CompletionSettings(), is_told_apart)
 
 
@@ -81,19 +81,6 @@ def test_what_stands_in_a_bodys_box_is_of_it_once_it_is_known_what_stands_there_
     points[part == 2, 0] += 2.05 - points[part == 2, 0].max()  # beside it, and known to have stayed
     labels, _ = paint(points, part, log_odds=log_odds, is_told_apart=True)
     assert (labels[(part == 2) & (points[:, 0] > 2.0)] == Label.STATIC).all()
-
-
-def test_what_is_another_segment_in_the_box_is_another_thing():
-    points, part = scene()
-    points[part == 2, 2] = 0.3
-    row = Tracks(
-        np.array([7]), np.array([0]), np.array([0]), np.array([[0.0, 0.0, 0.6]]), np.array([[4.0, 2.0, 1.2]]),
-        np.zeros(1), np.zeros((1, 3)),
-    )  # fmt: skip
-    ids, stayed = (np.where(part == k, k - 1, -1).astype(np.int32) for k in (1, 2))
-    tracks = paint_in(points, (ids, stayed), part == 0, np.where(part == 2, -1.0, 0.0), row, is_told_apart=True)
-    assert (tracks[part == 1] == 7).all()
-    assert (tracks[part == 2] == -1).all()
 
 
 def test_where_most_of_what_is_in_a_box_has_stayed_the_box_is_wrong():

@@ -45,12 +45,11 @@ def paint_objects(
     ----------
     points : (M, 3) float, metres, level frame.
     about : `kind` (M,) of each point, OBJECT, GROUND, ..., and `log_odds` (M,) of having moved.
-    found : `ids` (M,), the segment of each point, and `stayed` (M,), that which has stayed as a whole; -1 for none;
-        `part_of` (S,), the whole that each segment was cut out of.
+    found : `ids` (M,), the segment of each point, and `stayed` (M,), that which has stayed as a whole; -1 for none.
     moving : Tracks, the rows of moving tracks in this scan, observed or predicted.   parts : all their segments.
     is_told_apart : whether it is known what stands there in other scans (`places`). Two solid bodies are never in one
-        place, so what is in the box of one and is no segment of its own is of it, whatever the evidence on a point by
-        itself says; but where most of what is in a box has stayed, the box is wrong.
+        place, so all else in the box of one is of it, whatever the evidence on a point by itself says; but where most
+        of what is in a box has stayed, the box is wrong.
     """
     ids, stayed, is_ground = found["ids"], found["stayed"], about["kind"] == GROUND
     has_stayed, is_ego = about["log_odds"] < 0.0, about["kind"] == EGO_BODY
@@ -70,9 +69,7 @@ def paint_objects(
         rows, local, outside = _around(points, center, turn, low[:2], high[:2], reach)
         is_free = ~is_ego[rows] & (track_of[rows] < 0)
         is_mine = (outside <= margin) & (local[2] <= high[2] + margin) & ~has_stayed[rows] & is_free
-        whole = found["part_of"][segment] if segment >= 0 else -1
-        is_apart = (ids[rows] >= 0) | (stayed[rows] >= 0) & (stayed[rows] != whole)
-        is_within = (np.abs(local) <= 0.5 * size[:, None]).all(axis=0) & has_stayed[rows] & is_free & ~is_apart
+        is_within = (np.abs(local) <= 0.5 * size[:, None]).all(axis=0) & has_stayed[rows] & is_free
         if is_told_apart and np.count_nonzero(is_within) <= np.count_nonzero(track_of[rows] == moving.track[k]):
             is_mine |= is_within
         distances = outside[is_ground[rows] & (outside > margin)] - margin

@@ -201,8 +201,7 @@ def find_places(
 
     def held(i: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
         name, points = scans.names[i], scans.frames[i].points_level
-        found = scans.instances.load(name, "ids", "stayed", "part_of")
-        about = scans.candidates.load(name, "kind", "log_odds")
+        found, about = scans.instances.load(name, "ids", "stayed"), scans.candidates.load(name, "kind", "log_odds")
         here = bodies[bodies_of_scan[i]], parts[parts_of_scan[i]]
         track = paint_objects(points, about, found, *here, settings.tracking.completion, is_told_apart=True)
         stands = np.flatnonzero(about["kind"] == OBJECT)
