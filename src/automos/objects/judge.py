@@ -30,7 +30,7 @@ from automos.objects.face_paths import path_terms, way_beyond
 from automos.objects.looks import looks, share_first_looks
 from automos.objects.motion import ACCELERATION, NOISE
 from automos.objects.states import later, state_probabilities
-from automos.objects.terms import Segments, doubted
+from automos.objects.terms import Segments, SegmentTerms, doubted
 from automos.objects.tracks import Tracks
 from automos.objects.verdict import Verdict, Verdicts
 
@@ -83,11 +83,12 @@ def judge_tracks(tracks: Tracks, segments: Segments, stamps: Array, past: Past |
     past : of each track, if they are judged while more scans come: that it has gone no way yet does not count.
     """
     known = Past.nothing(len(tracks)) if past is None else past
-    first, times, ratio, scatter, displaced, beyond = _weighted(tracks, segments, stamps, known)
+    first, times, said = _observed(tracks, segments, stamps)
+    ratio, scatter, displaced = _weighted(first, times, said, known)
     _, p_ever = state_probabilities(first, times, ratio, *known.before(first, times), BEGIN, END)
     way = DISPLACED * displaced + LEFT
-    # What has not gone far may still go.
-    p_ever = expit(logit(p_ever) + (way if past is None else np.clip(way, 0.0, SO_FAR)) + DISPLACED * beyond)
+    way = way if past is None else np.clip(way, 0.0, SO_FAR)  # what has not gone far may still go
+    p_ever = expit(logit(p_ever) + way + DISPLACED * way_beyond(first, times, said.ends, said.sensor))
     p_ever[(np.diff(first) < 2) & np.isinf(known.stamp)] = 0.0
     is_moving = p_ever >= 0.5
     verdict = np.where(is_moving, Verdict.MOVING, Verdict.STATIC).astype(np.int8)
@@ -96,7 +97,8 @@ def judge_tracks(tracks: Tracks, segments: Segments, stamps: Array, past: Past |
 
 def past_of(tracks: Tracks, segments: Segments, stamps: Array, past: Past, is_over: Mask) -> Past:
     """Return the `past` of tracks once the scans `is_over` (N,), the first ones, belong to it; see `judge_tracks`."""
-    first, times, ratio, *_ = _weighted(tracks, segments, stamps, past)
+    first, times, said = _observed(tracks, segments, stamps)
+    ratio, *_ = _weighted(first, times, said, past)
     over = np.concatenate([[0], np.cumsum(is_over[tracks.scan[tracks.is_observed]])])[first]
     rows = np.flatnonzero(is_over[tracks.scan[tracks.is_observed]])
     times, ratio = times[rows], ratio[rows]
@@ -107,22 +109,23 @@ def past_of(tracks: Tracks, segments: Segments, stamps: Array, past: Past, is_ov
     return Past(*(np.where(is_known, *both) for both in zip((stamp, p_moving, p_ever), before, strict=True)))
 
 
-def _weighted(
-    tracks: Tracks, segments: Segments, stamps: Array, past: Past
-) -> tuple[npt.NDArray[np.int64], Array, Array, Array, Array, Array]:
-    """Return the first observation of each track (T + 1,), times (R,) and log-likelihood ratios (R,) of all.
-
-    The others are (T,) the scatter of each track, metres, and the two terms of its way; see `path_terms`, `way_beyond`.
-    """
+def _observed(tracks: Tracks, segments: Segments, stamps: Array) -> tuple[npt.NDArray[np.int64], Array, SegmentTerms]:
+    """Return the first observation of each track (T + 1,), the times (R,) of all, and what their segments say (R,)."""
     seen = np.flatnonzero(tracks.is_observed)
     first = np.searchsorted(tracks.track[seen], np.arange(len(tracks) + 1))
-    times = stamps[tracks.scan[seen]]
-    said = segments.terms[segments.of(tracks)[seen]]
+    return first, stamps[tracks.scan[seen]], segments.terms[segments.of(tracks)[seen]]
+
+
+def _weighted(first: npt.NDArray[np.int64], times: Array, said: SegmentTerms, past: Past) -> tuple[Array, Array, Array]:
+    """Return the log-likelihood ratios (R,) of all observations; and (T,) each: scatter, metres, and term of the way.
+
+    See `path_terms` for these.
+    """
     scatter, unsteady, displaced = path_terms(first, times, said.faces)
     ratio = said.evidence + np.repeat(UNSTEADY * unsteady, np.diff(first))
     worth = looks(first, times, since=past.stamp)
     share_first_looks(worth, first, times, np.isinf(past.stamp))
-    return first, times, ratio * worth, scatter, displaced, way_beyond(first, times, said.ends, said.sensor)
+    return ratio * worth, scatter, displaced
 
 
 def moving_now(tracks: Tracks, verdicts: Verdicts, stamps: Array) -> Tracks:

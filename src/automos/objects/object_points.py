@@ -69,9 +69,10 @@ def paint_objects(
         rows, local, outside = _around(points, center, turn, low[:2], high[:2], reach)
         is_free = ~is_ego[rows] & (track_of[rows] < 0)
         is_mine = (outside <= margin) & (local[2] <= high[2] + margin) & ~has_stayed[rows] & is_free
-        is_within = (np.abs(local) <= 0.5 * size[:, None]).all(axis=0) & has_stayed[rows] & is_free
-        if is_told_apart and np.count_nonzero(is_within) <= np.count_nonzero(track_of[rows] == moving.track[k]):
-            is_mine |= is_within
+        if is_told_apart:
+            is_within = (np.abs(local) <= 0.5 * size[:, None]).all(axis=0) & has_stayed[rows] & is_free
+            if np.count_nonzero(is_within) <= np.count_nonzero(track_of[rows] == moving.track[k]):
+                is_mine |= is_within
         distances = outside[is_ground[rows] & (outside > margin)] - margin
         ring = next((ring for ring in RINGS if np.count_nonzero(distances <= ring) >= MIN_GROUND), RINGS[0])
         is_beside = is_ground[rows] & (outside > margin) & (outside <= ring + margin)
