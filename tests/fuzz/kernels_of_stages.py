@@ -19,6 +19,7 @@ from automos.evidence.ground import find_ground
 from automos.evidence.look_through import look_through
 from automos.objects import detect, places
 from automos.objects.boxes import fit_boxes
+from automos.objects.extents import headings
 from automos.objects.face_paths import path_terms, way_beyond
 from automos.objects.looks import share_first_looks
 from automos.objects.motion import smooth
@@ -115,6 +116,7 @@ def _tracking(points: np.ndarray) -> None:
     state_probabilities(whole, np.arange(len(points)) * 0.1, values[:, 0].copy(), even, even, 0.01, 0.02)
     share_first_looks(values[:, 0].copy(), whole, np.arange(len(points)) * 0.1, np.ones(1, bool))
     path_terms(whole, np.arange(len(points)) * 0.1, np.hstack([values, values])[:, :4])
+    headings(whole, np.arange(len(points)) * 0.1, values, values[:, 0], values[:, 1])
     way_beyond(whole, np.arange(len(points)) * 0.1, np.stack([values, values], axis=1)[..., :2], values[:, :2])
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from automos.core.upright_boxes import Boxes
-from automos.objects.extents import Intervals, boxed_intervals, make_whole
+from automos.objects.extents import Intervals, boxed_intervals, headings, make_whole
 from automos.objects.tracks import Tracks
 
 
@@ -81,6 +81,37 @@ def test_a_car_that_drives_out_from_behind_something_keeps_its_velocity_as_its_o
     np.testing.assert_allclose(found.velocity[:, 0], 4.0 * side, atol=0.2)
     np.testing.assert_allclose(found.center[:, 0], front - 0.5 * side * length, atol=0.15)
     assert np.abs(made_whole(own, np.zeros((n, 3))).velocity[:5, 0] - 4.0 * side).max() > 1.0  # without that
+
+
+def heading(path: np.ndarray, length: np.ndarray, yaw: float) -> np.ndarray:
+    """Return the headings, degrees, of a body on `path` (N, 2), ten scans a second, that shows a side at `yaw`."""
+    n = len(path)
+    path = np.column_stack([path, np.zeros(n)])
+    found = headings(np.array([0, n]), 0.1 * np.arange(n), path, np.full(n, yaw), length)
+    return np.degrees(np.angle(np.exp(1j * found)))
+
+
+def test_a_car_that_stops_is_not_turned_by_a_centre_that_slips_aside_by_a_metre():
+    # It is one segment with the car beside it for a second, whose middle is between the two.
+    east = np.concatenate([np.arange(20) * 0.5, np.full(20, 9.75)])
+    north = np.zeros(40)
+    north[22:32] = np.hanning(10)
+    np.testing.assert_allclose(heading(np.column_stack([east, north]), np.full(40, 4.4), 0.0), 0.0, atol=1.0)
+
+
+def test_a_person_turns_on_the_spot():
+    east = np.concatenate([np.arange(15) * 0.14, np.full(15, 1.96)])
+    north = np.concatenate([np.zeros(15), np.arange(15) * 0.14])
+    found = heading(np.column_stack([east, north]), np.zeros(30), 0.0)
+    np.testing.assert_allclose(found[:9], 0.0, atol=1.0)
+    np.testing.assert_allclose(found[-8:], 90.0, atol=1.0)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_what_has_gone_less_than_half_of_its_length_lies_along_it(way):
+    path = np.linspace([0.0, 0.0], [way * 0.8, 1.2], 20)  # steeper than half a right angle
+    found = heading(path, np.full(20, 4.4), 0.0)
+    np.testing.assert_allclose(found, 0.0 if way > 0.0 else 180.0, atol=1e-6)
 
 
 def test_what_a_body_never_showed_is_behind_it_and_moves_it_not_as_the_sensor_passes():

@@ -14,19 +14,20 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.geometry import Array
+from automos.core.kernels import kernel
 from automos.core.parallel import map_in_order
 from automos.core.scan import Frames, Mask
 from automos.core.stages import Stage
 from automos.core.upright_boxes import Boxes
 from automos.objects.kinds import whole_extent
-from automos.objects.motion import smooth_paths
+from automos.objects.motion import NOISE, smooth_paths
 from automos.objects.object_points import tracks_of_points
 from automos.objects.tracks import Tracks
 
 Rows = npt.NDArray[np.int64]
-SURE = 3.0  # standard deviations of a velocity from which on its direction is the heading
+SURE = 3.0  # standard deviations from which on a direction is told, or two disagree
 SIDE = 0.2  # metres, standard deviation of the end of a side about the other
-AROUND = 0.5  # seconds before and after a scan over which directions of motion are averaged
+AROUND = 0.5  # seconds before and after a scan, at least, over which a way says the direction
 SHOWN = 0.9  # quantile of the intervals of all scans that is the extent: single scans are joined with others' points
 ROUNDS = 2  # the heading needs centres, the centres a heading
 ASKEW = 0.5  # sine of the angle to the line of sight, from which on a body's end is at its left or right side
@@ -97,40 +98,61 @@ def _whole_boxes(
 
 def _along(body: Tracks, first: Rows, times: Array, measured: Array, yaw: Array, length: Array) -> Tracks:
     """Return the rows of bodies on smooth paths through the `measured` centres (R, 3)."""
-    path, velocity, variance = smooth_paths(first, times, measured)
-    heading = headings(first, times, velocity, variance, yaw, length)
+    path, velocity, _ = smooth_paths(first, times, measured)
+    heading = headings(first, times, path, yaw, length)
     return replace(body, center=path, yaw=heading, velocity=velocity)
 
 
-def headings(first: Rows, times: Array, velocity: Array, variance: Array, yaw: Array, length: Array) -> Array:
+def headings(first: Rows, times: Array, path: Array, yaw: Array, length: Array) -> Array:
     """Return (R,) radians: directions of motion, kept while a body stands, and corrected by the sides that it shows.
 
-    A long side says the direction better than the motion does, but not which of four it is. What never surely moves
-    has the direction of its sides that is nearest to its way.
+    A long side says the direction better than the motion does, but not which of four it is. A body that has gone less
+    than half of its own length, or no more than its centre is off, has the direction of its long side that is nearest
+    to its way.
 
-    velocity : (R, 3) m/s.   variance : (R,) (m/s)^2 of its components.
-    yaw, length : (R,) radians and metres, of boxes about single segments; length 0 where there is none.
+    path : (R, 3) metres, smooth.   yaw, length : (R,) radians and metres, of boxes about single segments; length 0
+    where there is none.
     """
-    out = np.empty(len(times))
-    moves = velocity[:, 0] + 1j * velocity[:, 1]
-    is_sure = np.abs(moves) > SURE * np.sqrt(variance)
+    body = np.repeat(np.arange(len(first) - 1), np.diff(first))
+    half = 0.5 * np.nan_to_num(_usual(first, np.where(length > 0.0, length, np.nan)))[body]
+    ways = _ways(first, times, path, half) @ (1.0, 1.0j)
+    out, is_told = np.angle(ways), np.abs(ways) > np.maximum(half, SURE * NOISE)
     for begin, end in pairwise(first):
-        sure = begin + np.flatnonzero(is_sure[begin:end])
-        if not len(sure):
-            side = 0.25 * np.angle(np.exp(4j * yaw[begin:end]).sum())  # sides are a quarter turn apart
-            way = np.angle(moves[begin:end].sum())
-            out[begin:end] = side + 0.5 * np.pi * np.round((way - side) / (0.5 * np.pi))
-            continue
-        total = np.concatenate([[0.0], np.cumsum(moves[sure])])
-        low = np.searchsorted(times[sure], times[sure] - AROUND)
-        high = np.searchsorted(times[sure], times[sure] + AROUND, side="right")
-        nearest = np.searchsorted(0.5 * (times[sure][1:] + times[sure][:-1]), times[begin:end])
-        out[begin:end] = np.angle(total[high] - total[low])[nearest]
-    of_motion = np.sqrt(variance) / np.maximum(np.abs(moves), SURE * np.sqrt(variance))
-    of_side = SIDE / np.maximum(length, 1e-6)
+        told = begin + np.flatnonzero(is_told[begin:end])
+        if len(told):
+            out[begin:end] = out[told[np.searchsorted(0.5 * (times[told][1:] + times[told][:-1]), times[begin:end])]]
+        else:
+            side = 0.5 * np.angle(length[begin:end] @ np.exp(2j * yaw[begin:end]))
+            way = np.angle((path[end - 1, :2] - path[begin, :2]) @ (1.0, 1.0j))
+            out[begin:end] = side + np.pi * np.round((way - side) / np.pi)
+    of_motion, of_side = NOISE / np.maximum(np.abs(ways), SURE * NOISE), SIDE / np.maximum(length, 1e-6)
     off = 0.25 * np.angle(np.exp(4j * (yaw - out)))
     agree = np.abs(off) < SURE * np.hypot(of_motion, of_side)
     return out + np.where(agree, off * of_motion**2 / (of_motion**2 + of_side**2), 0.0)
+
+
+@kernel
+def _ways(first, times, path, reach):  # type: ignore[no-untyped-def]
+    """Return (R, 2) metres: how far bodies go from before to after each row, where `AROUND` and `reach` (R,) end.
+
+    A body does not turn on the spot: what its centre does within half of its own length says nothing of its heading.
+    """
+    out = np.zeros((len(times), 2))
+    for k in range(len(first) - 1):
+        for i in range(first[k], first[k + 1]):
+            low = high = i
+            while low > first[k] and (
+                times[i] - times[low] < AROUND
+                or np.hypot(path[low, 0] - path[i, 0], path[low, 1] - path[i, 1]) < reach[i]
+            ):
+                low -= 1
+            while high < first[k + 1] - 1 and (
+                times[high] - times[i] < AROUND
+                or np.hypot(path[high, 0] - path[i, 0], path[high, 1] - path[i, 1]) < reach[i]
+            ):
+                high += 1
+            out[i] = path[high, :2] - path[low, :2]
+    return out
 
 
 def shown_intervals(tracks: Tracks, scans: Scans, parts: Tracks, workers: int) -> Intervals:
