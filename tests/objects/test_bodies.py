@@ -18,7 +18,7 @@ def track(number, scans, x, y=0.0, velocity=(0.0, 0.0), size=(4.0, 1.8, 1.5)):
 
 
 def body_of(tracks, is_moving, n_points):
-    owner = parts_of_bodies(tracks, is_moving, np.bincount(tracks.track, n_points[tracks.track]))
+    owner = parts_of_bodies(tracks, is_moving, np.bincount(tracks.track, n_points[tracks.track]), TIMES)
     is_whole = np.bincount(tracks.track, owner == tracks.track, len(tracks)) > 0
     links = links_in_time(tracks, is_moving, is_whole, np.zeros(len(tracks.track)), TIMES)
     return joined(tracks, owner, *links, n_points[tracks.track])
@@ -34,6 +34,30 @@ def test_a_mirror_that_goes_with_a_car_is_its_part_and_a_post_that_it_passes_is_
     assert len(bodies) == 2
     assert sorted(np.bincount(parts.track)) == [20, 40]
     assert set(bodies.segment) == {0, 2}  # the car's own segment is the main one
+
+
+def test_what_is_left_of_a_car_to_see_as_it_leaves_sight_is_its_part():
+    scans = np.arange(10, 30)
+    car, small = track(0, scans, 0.5 * scans, velocity=(5.0, 0.0)), (0.2, 0.2, 0.2)
+    before, after = np.arange(4, 9), np.arange(31, 36)
+    scraps = [track(1, before, 0.5 * before + 1.5, size=small), track(2, after, 0.5 * after - 1.5, size=small)]
+    late = np.arange(48, 53)  # two seconds after: nobody knows where the car is
+    others = [track(3, after, 16.0, size=small), track(4, late, 0.5 * late, size=small)]
+    tracks, is_moving = Tracks.concatenate([car, *scraps, *others]), np.arange(5) == 0
+    bodies, parts = body_of(tracks, is_moving, np.array([200.0, 5.0, 5.0, 5.0, 5.0]))
+    assert sorted(np.bincount(parts.track)) == [5, 5, 30]
+    assert len(bodies) == 3
+
+
+def test_the_roof_of_a_lorry_goes_with_its_wheels_and_a_bridge_does_not():
+    scans = np.arange(20)
+    low, high = (track(k, scans, 0.5 * scans, velocity=(5.0, 0.0), size=(8.0, 2.5, 1.5)) for k in range(2))
+    high.center[:, 2] = 1.6
+    bridge = track(2, scans, 5.0, size=(0.5, 0.5, 0.5))
+    bridge.center[:, 2] = 5.0
+    tracks = Tracks.concatenate([low, high, bridge])
+    bodies, _ = body_of(tracks, np.array([True, True, False]), np.array([50.0, 40.0, 20.0]))
+    assert len(bodies) == 2
 
 
 def test_people_side_by_side_are_two():

@@ -30,7 +30,7 @@ Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
 LONGEST = 5.0  # seconds between the end of one tracklet and the beginning of the next that may be one body
 REACH = 3.0  # standard deviations
-BIRTHS = 1e-3
+BIRTHS = 3e-4
 """Bodies that come into sight, per square metre and square metre per second squared: the alternative to a link."""
 
 
@@ -152,7 +152,7 @@ def _overlapping(tracks: Tracks, first: Rows, last: Rows) -> Iterator[tuple[Rows
     begins[first] = True
     for rows in tracks.rows_by_scan(int(tracks.scan.max(initial=-1)) + 1):
         new, old = rows[begins[rows]], rows[~begins[rows]]
-        k, j = np.nonzero(lies_within(tracks, new, old))
+        k, j = np.nonzero(lies_within(tracks[new], tracks[old]))
         a, b = tracks.track[old[j]], tracks.track[new[k]]
         goes_on = tracks.scan[last[b]] > tracks.scan[last[a]]
         yield a[goes_on], b[goes_on], old[j][goes_on]

@@ -62,9 +62,7 @@ def paint_objects(
         if segment >= 0:
             own = owned[(ids[owned] == segment) | (stayed[owned] == segment)]
             own = _in_box(points[own], center, turn)
-            # Of the other sides, a kind's usual one may be farther than the body's own.
-            low = np.r_[min(low[0], own[0].min()), own[1:].min(axis=1)]
-            high = np.r_[max(high[0], own[0].max()), own[1:].max(axis=1)]
+            low, high = np.minimum(low, own.min(axis=1)), np.maximum(high, own.max(axis=1))
         reach = np.hypot(*np.maximum(-low[:2], high[:2])) + RINGS[-1] + margin
         rows, local, outside = _around(points, center, turn, low[:2], high[:2], reach)
         is_free = ~is_ego[rows] & (track_of[rows] < 0)
@@ -80,7 +78,7 @@ def paint_objects(
         # Far away little ground is seen, and a body's lowest part is taken for it: more in it than around it.
         n_inside = int(np.count_nonzero(is_ground[rows] & (outside <= margin)))
         is_own = bool(segment >= 0 and n_inside > np.count_nonzero(is_beside))
-        is_mine &= ~must_stand | _stands(local, local[:, is_beside], is_own)
+        is_mine &= ~must_stand | _stands(local, local[:, is_beside], is_own | ~is_ground[rows])
         track_of[rows[is_mine]] = moving.track[k]
     return track_of
 
@@ -98,11 +96,11 @@ def _in_box(points: npt.NDArray, center: Array, turn: tuple[float, float]) -> Ar
     return np.stack([c * x + s * y, c * y - s * x, z])
 
 
-def _stands(points: Array, ground: Array, if_unknown: bool) -> Mask:
+def _stands(points: Array, ground: Array, if_unknown: Mask) -> Mask:
     """Return (K,) which of `points` (3, K) are above the plane of the `ground` (3, G) beside them, if it is known."""
     n = ground.shape[1]
     if n < MIN_GROUND:
-        return np.full(points.shape[1], if_unknown)
+        return if_unknown
     base = np.stack([*ground[:2], np.ones(n)])
     moments = base @ ground[2]
     plane = np.linalg.solve(base @ base.T + 1e-3 * n * np.diag([1.0, 1.0, 0.0]), moments)

@@ -1,15 +1,19 @@
 """Parts: which tracklets are pieces of a moving body.
 
 Two solid bodies are never in one place. So a tracklet that lies within a moving body's box in most of its scans is a
-part of it: a wheel, a mirror, the edge of a roof.
+part of it: a wheel, a mirror, the edge of a roof. So is what lies where the body must be, shortly before it is first
+followed and after it is last.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.core.scan import Mask
+from automos.objects.motion import ACCELERATION
 from automos.objects.tracks import Tracks
 
 Rows = npt.NDArray[np.int64]
@@ -17,21 +21,22 @@ WITHIN = 0.5  # share of its scans in which a part lies within the body's box
 BESIDE = 0.3  # metres around a body's box in which its parts lie
 
 
-def parts_of_bodies(tracks: Tracks, is_moving: Mask, weight: npt.NDArray) -> Rows:
+def parts_of_bodies(tracks: Tracks, is_moving: Mask, weight: npt.NDArray, times: npt.NDArray) -> Rows:
     """Return (R,) for each row the track that it is a part of: its own, or a heavier moving one whose box it lies in.
 
-    tracks : whole boxes of the moving ones.   weight : (T,) points over life.
+    tracks : whole boxes of the moving ones.   weight : (T,) points over life.   times : (N,) seconds of the scans.
     """
-    rows, body_rows = _enclosed(tracks, is_moving)
-    lighter = weight[tracks.track[rows]] < weight[tracks.track[body_rows]]
+    bodies = _with_foretold(tracks[np.flatnonzero(is_moving[tracks.track])], times)
+    rows, body_rows = _enclosed(tracks, bodies)
+    lighter = weight[tracks.track[rows]] < weight[bodies.track[body_rows]]
     rows, body_rows = rows[lighter], body_rows[lighter]
-    part, body = tracks.track[rows], tracks.track[body_rows]
-    pairs, begin, times = _grouped(part, body)
-    end = begin + times - 1
-    way = tracks.center[body_rows[end]] - tracks.center[body_rows[begin]]
+    part, body = tracks.track[rows], bodies.track[body_rows]
+    pairs, begin, n_scans = _grouped(part, body)
+    end = begin + n_scans - 1
+    way = bodies.center[body_rows[end]] - bodies.center[body_rows[begin]]
     apart = tracks.center[rows[end]] - tracks.center[rows[begin]] - way
     goes_with = np.linalg.norm(apart, axis=1) <= np.maximum(0.5 * np.linalg.norm(way, axis=1), BESIDE)
-    share = times / np.bincount(tracks.track[tracks.is_observed], minlength=len(tracks))[pairs[:, 0]]
+    share = n_scans / np.bincount(tracks.track[tracks.is_observed], minlength=len(tracks))[pairs[:, 0]]
     share[~goes_with] = 0.0
     owner = np.arange(len(tracks))
     for k in np.argsort(share, kind="stable"):  # the greatest share comes last and remains
@@ -46,18 +51,39 @@ def parts_of_bodies(tracks: Tracks, is_moving: Mask, weight: npt.NDArray) -> Row
     return out
 
 
-def _enclosed(tracks: Tracks, is_moving: Mask) -> tuple[Rows, Rows]:
-    """Return the observed rows (P,) in a moving track's box in their scan, and its rows (P,), by pair and scan."""
+def _with_foretold(bodies: Tracks, times: npt.NDArray) -> Tracks:
+    """Return `bodies` and, behind them, their boxes before the first and after the last scan of each.
+
+    For as long as the standard deviation of a body's place, if its acceleration is free, is below half of its width:
+    what is left of it to see then is too little to be followed by itself.
+    """
+    first = np.flatnonzero(np.diff(bodies.track, prepend=-1))
+    last = np.append(first[1:], len(bodies.track))[: len(first)] - 1
+    found = [bodies]
+    for ends, step in ((first, -1), (last, 1)):
+        t, half_width = times[bodies.scan[ends]], 0.5 * bodies.size[ends, :2].min(axis=1)
+        until = t + step * np.cbrt(3.0 * (half_width / ACCELERATION) ** 2)
+        scan = np.searchsorted(times, until, "right" if step > 0 else "left") - (step > 0)
+        n = np.maximum(step * (scan - bodies.scan[ends]), 0)
+        row = np.repeat(ends, n)
+        scan = bodies.scan[row] + step * (np.arange(1, len(row) + 1) - np.repeat(np.cumsum(n) - n, n))
+        center = bodies.center[row] + bodies.velocity[row] * (times[scan] - times[bodies.scan[row]])[:, None]
+        found.append(replace(bodies[row], scan=scan, segment=np.full(len(row), -1), center=center))
+    return Tracks(*map(np.concatenate, zip(*(some.to_arrays().values() for some in found), strict=True)))
+
+
+def _enclosed(tracks: Tracks, bodies: Tracks) -> tuple[Rows, Rows]:
+    """Return the observed rows (P,) in another one's box of `bodies` in their scan, and its rows, by pair and scan."""
     found: list[tuple[Rows, Rows]] = [(np.zeros(0, np.int64),) * 2]
-    for here in tracks.rows_by_scan(int(tracks.scan.max(initial=-1)) + 1):
-        bodies = here[is_moving[tracks.track[here]]]
-        k, j = np.nonzero(lies_within(tracks, here, bodies))
-        found.append((here[k], bodies[j]))
-    rows, bodies = (np.concatenate(column) for column in zip(*found, strict=True))
-    is_other = tracks.is_observed[rows] & (tracks.track[rows] != tracks.track[bodies])
-    rows, bodies = rows[is_other], bodies[is_other]
-    order = np.lexsort((tracks.scan[rows], tracks.track[bodies], tracks.track[rows]))
-    return rows[order], bodies[order]
+    n = 1 + int(max(tracks.scan.max(initial=-1), bodies.scan.max(initial=-1)))
+    for here, there in zip(tracks.rows_by_scan(n), bodies.rows_by_scan(n), strict=True):
+        k, j = np.nonzero(lies_within(tracks[here], bodies[there]))
+        found.append((here[k], there[j]))
+    rows, body_rows = (np.concatenate(column) for column in zip(*found, strict=True))
+    is_other = tracks.is_observed[rows] & (tracks.track[rows] != bodies.track[body_rows])
+    rows, body_rows = rows[is_other], body_rows[is_other]
+    order = np.lexsort((tracks.scan[rows], bodies.track[body_rows], tracks.track[rows]))
+    return rows[order], body_rows[order]
 
 
 def _grouped(a: Rows, b: Rows) -> tuple[Rows, Rows, Rows]:
@@ -66,11 +92,14 @@ def _grouped(a: Rows, b: Rows) -> tuple[Rows, Rows, Rows]:
     return np.stack([a[begin], b[begin]], axis=1), begin, np.diff(np.append(begin, len(a)))
 
 
-def lies_within(tracks: Tracks, rows: Rows, bodies: Rows) -> Mask:
-    """Return (K, J) whether the centre of each of `rows` (K,) is within the box of each of `bodies` (J,)."""
-    offset = tracks.center[rows][:, None] - tracks.center[bodies]
-    c, s = np.cos(tracks.yaw[bodies]), np.sin(tracks.yaw[bodies])
-    along = np.abs(c * offset[..., 0] + s * offset[..., 1]) - 0.5 * tracks.size[bodies, 0]
-    across = np.abs(c * offset[..., 1] - s * offset[..., 0]) - 0.5 * tracks.size[bodies, 1]
-    above = np.abs(offset[..., 2]) - 0.5 * tracks.size[bodies, 2]
+def lies_within(tracks: Tracks, bodies: Tracks) -> Mask:
+    """Return (K, J) whether the centre of each of `tracks` (K rows) is within the box of each of `bodies` (J rows).
+
+    Of height it is enough that both boxes touch: a body that rolls does not float.
+    """
+    offset = tracks.center[:, None] - bodies.center
+    c, s = np.cos(bodies.yaw), np.sin(bodies.yaw)
+    along = np.abs(c * offset[..., 0] + s * offset[..., 1]) - 0.5 * bodies.size[:, 0]
+    across = np.abs(c * offset[..., 1] - s * offset[..., 0]) - 0.5 * bodies.size[:, 1]
+    above = np.abs(offset[..., 2]) - 0.5 * (tracks.size[:, 2, None] + bodies.size[:, 2])
     return np.maximum(np.maximum(along, across), above) <= BESIDE

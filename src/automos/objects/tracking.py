@@ -157,7 +157,7 @@ def _bodies(scans: Scans, tracks: Tracks, seen: list[SegmentTerms], workers: int
     _make_whole(scans, tracks, tracks, is_moving, workers)
     evidence, n_points = (of_rows(segments.of(tracks), column) for column in (terms.evidence, terms.counts[:, 0]))
     n_points = np.nan_to_num(n_points)
-    owner = parts_of_bodies(tracks, is_moving, np.bincount(tracks.track, n_points, len(tracks)))
+    owner = parts_of_bodies(tracks, is_moving, np.bincount(tracks.track, n_points, len(tracks)), stamps)
     is_whole = np.bincount(tracks.track, owner == tracks.track, len(tracks)) > 0
     ends, beginnings = links_in_time(tracks, is_moving, is_whole, evidence, stamps)
     kept = ~is_scenery(tracks, is_moving, segments)
