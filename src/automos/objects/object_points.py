@@ -62,7 +62,10 @@ def paint_objects(
         if segment >= 0:
             own = owned[(ids[owned] == segment) | (stayed[owned] == segment)]
             own = _in_box(points[own], center, turn)
-            low, high = np.minimum(low, own.min(axis=1)), np.maximum(high, own.max(axis=1))
+            # Where nobody knows what stands there, a kind's usual width and height may be farther than its own.
+            n_whole, lowest, highest = 3 if is_told_apart else 1, own.min(axis=1), own.max(axis=1)
+            low = np.r_[np.minimum(low, lowest)[:n_whole], lowest[n_whole:]]
+            high = np.r_[np.maximum(high, highest)[:n_whole], highest[n_whole:]]
         reach = np.hypot(*np.maximum(-low[:2], high[:2])) + RINGS[-1] + margin
         rows, local, outside = _around(points, center, turn, low[:2], high[:2], reach)
         is_free = ~is_ego[rows] & (track_of[rows] < 0)
