@@ -19,14 +19,14 @@ from automos.objects.detections import Detections
 from automos.objects.extents import Intervals, Scans, make_whole, shown_intervals
 from automos.objects.judge import is_scenery, judge_tracks, moving_now
 from automos.objects.kinds import EXTENT, Kind
-from automos.objects.object_points import paint_objects
+from automos.objects.object_points import paint_objects, tracks_of_points
 from automos.objects.paper.verdict import judge_by_trajectory, with_speed_as_state
 from automos.objects.parts import parts_of_bodies
 from automos.objects.places import Places, count_places, held_places, touched_columns
 from automos.objects.terms import Segments, SegmentTerms, each_for_itself, segment_terms
 from automos.objects.tracker import can_follow, track_objects
 from automos.objects.tracks import Tracks, observed, of_rows, of_tracks
-from automos.objects.verdict import Verdicts
+from automos.objects.verdict import Verdict, Verdicts
 from automos.settings import Settings
 
 ENOUGH = 300.0
@@ -108,11 +108,12 @@ def follow_and_judge(scans: Scans, settings: Settings, workers: int) -> TrackedO
     kept &= ~is_scrap
     tracks, parts, verdicts = of_tracks(tracks, kept), of_tracks(parts, kept), verdicts[kept]
     _make_whole(scans, tracks, parts, verdicts.is_moving, workers)
-    tracks = moving_now(tracks, verdicts, stamps)
     counts = segments.counts_of(tracks)
     del segments  # what is looked for now is large, too
     places = find_places(scans, tracks, parts, verdicts, settings, workers)
-    return TrackedObjects(tracks, verdicts, places, parts, scraps, counts)
+    verdicts = without_standing(scans, parts, places, verdicts, workers)
+    tracks.velocity[~verdicts.is_moving[tracks.track]] = 0.0
+    return TrackedObjects(moving_now(tracks, verdicts, stamps), verdicts, places, parts, scraps, counts)
 
 
 def _judged(tracks: Tracks, segments: Segments, stamps: Array) -> Verdicts:
@@ -211,3 +212,23 @@ def find_places(
 
     asked = range(n) if len(columns) else ()
     return Places(count_places(map_in_order(held, asked, workers, threads=True)), verdicts.is_moving)
+
+
+def without_standing(scans: Scans, parts: Tracks, places: Places, verdicts: Verdicts, workers: int) -> Verdicts:
+    """Return `verdicts` by which a body has not moved if most of its points are at static `places`."""
+    n, parts = len(verdicts.verdict), parts[np.flatnonzero(verdicts.is_moving[parts.track])]
+    parts_of_scan = parts.rows_by_scan(len(scans.names))
+
+    def count(i: int) -> Array:
+        found = scans.instances.load(scans.names[i], "ids", "stayed")
+        owner = tracks_of_points(found["ids"], found["stayed"], parts[parts_of_scan[i]])
+        own = np.flatnonzero(owner >= 0)
+        stands = places.static_points(scans.frames[i].points_level[own], owner[own])
+        return np.stack([np.bincount(owner[own], minlength=n), np.bincount(owner[own], stands, n)])
+
+    asked = [i for i, rows in enumerate(parts_of_scan) if len(rows) and len(places.keys)]
+    total, standing = sum(map_in_order(count, asked, workers, threads=True), np.zeros((2, n)))
+    stands = standing > 0.5 * total
+    share = np.divide(standing, total, out=np.zeros(n), where=stands)
+    verdict = np.where(stands, Verdict.STATIC, verdicts.verdict).astype(np.int8)
+    return replace(verdicts, verdict=verdict, confidence=np.where(stands, share, verdicts.confidence))
