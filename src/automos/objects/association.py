@@ -21,7 +21,7 @@ are: two solid objects cannot be in one place, and the centre of a lorry jumps b
 MAX_COUNT_RATIO = 5.0  # greatest ratio of the numbers of points
 SIZE_WEIGHT = 4.0  # cost of a change of size, in squared standard deviations
 LEAST_SIDE = 0.1  # metres: of what is thinner, ratios of sides say nothing
-EVIDENCE_WEIGHT = 2.0  # cost of a change from all points moving to all static
+EVIDENCE_WEIGHT = 8.0  # cost of a change from all points moving to all static: one sight in fifty has it
 ANOTHER = 20.0
 """Cost of the alternative to a pair, that the object is not seen and the detection is of another one. So a piece beside
 its own whole, and a scrap that is offered the whole instead, are not swapped because two pairs are more than one."""
