@@ -177,3 +177,10 @@ def test_a_tram_of_which_more_or_less_is_seen_is_followed_on():
 def test_no_detections_are_no_tracks():
     assert len(track([seen(), seen()])) == 0
     assert len(track([])) == 0
+
+
+def test_what_drove_off_out_of_sight_is_not_the_tree_that_has_stood_there():
+    # A lost car may have turned that far, and a crown is seen as large; but this one has not just come to rest.
+    tree = (9.5, 2.0, (2.8, 2.5, 3.5), STAYED)
+    scans = [seen((0.5 * i, 0.0, CAR, MOVED)) if i < 12 else seen() if i < 15 else seen(tree) for i in range(30)]
+    assert sorted(len(way) for way in ways(scans, track(scans))) == [12, 15]

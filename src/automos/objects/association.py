@@ -21,7 +21,9 @@ are: two solid objects cannot be in one place, and the centre of a lorry jumps b
 MAX_COUNT_RATIO = 5.0  # greatest ratio of the numbers of points
 SIZE_WEIGHT = 4.0  # cost of a change of size, in squared standard deviations
 LEAST_SIDE = 0.1  # metres: of what is thinner, ratios of sides say nothing
-EVIDENCE_WEIGHT = 8.0  # cost of a change from all points moving to all static: one sight in fifty has it
+EVIDENCE_WEIGHT = 2.0, 8.0
+"""Cost of a change from all points moving to all static: before the sensor's eyes, where things come to rest, and while
+the object was out of sight. What comes back as a thing that has long stood there is another one."""
 ANOTHER = 20.0
 """Cost of the alternative to a pair, that the object is not seen and the detection is of another one. So a piece beside
 its own whole, and a scrap that is offered the whole instead, are not swapped because two pairs are more than one."""
@@ -75,13 +77,16 @@ def motion_cost(objects: Objects, found: Detections, noise: FilterSettings, sett
     growth = (np.abs(before - now) / (1.0 + np.maximum(before, now))).max(axis=-1, initial=0.0)
     # For an object of few points, a difference of a few points has no meaning.
     thinning = np.abs(np.log((objects.count[k] + 3.0) / (found.n_points[j] + 3.0)))
-    settling = objects.share[k] - found.moving_share[j]
+    in_sight, out_of_sight = EVIDENCE_WEIGHT
+    settling = np.where(objects.misses > 1, out_of_sight, in_sight)[k] * np.abs(
+        objects.share[k] - found.moving_share[j]
+    )
     is_possible = (squared < settings.gate**2) & (climb < MAX_CLIMB)
     is_possible &= thinning < np.log(MAX_COUNT_RATIO)
     # -2 log of the density's height: whose place is known explains a detection better than whose could be anywhere.
     vagueness = np.log(determinant) - 2.0 * np.log(noise.measurement_variance)
     vagueness -= 2.0 * np.log(_chance(objects.sights, objects.scans))[k]
-    price = squared + vagueness + climb + SIZE_WEIGHT * growth + thinning + EVIDENCE_WEIGHT * np.abs(settling)
+    price = squared + vagueness + climb + SIZE_WEIGHT * growth + thinning + settling
     cost[k, j] = np.where(is_possible, price, np.inf)
     return cost
 
