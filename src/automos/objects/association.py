@@ -78,9 +78,8 @@ def motion_cost(objects: Objects, found: Detections, noise: FilterSettings, sett
     # For an object of few points, a difference of a few points has no meaning.
     thinning = np.abs(np.log((objects.count[k] + 3.0) / (found.n_points[j] + 3.0)))
     in_sight, out_of_sight = EVIDENCE_WEIGHT
-    settling = np.where(objects.misses > 1, out_of_sight, in_sight)[k] * np.abs(
-        objects.share[k] - found.moving_share[j]
-    )
+    weight = np.where(objects.misses > 1, out_of_sight, in_sight)  # the scan at hand is the first
+    settling = weight[k] * np.abs(objects.share[k] - found.moving_share[j])
     is_possible = (squared < settings.gate**2) & (climb < MAX_CLIMB)
     is_possible &= thinning < np.log(MAX_COUNT_RATIO)
     # -2 log of the density's height: whose place is known explains a detection better than whose could be anywhere.

@@ -141,18 +141,18 @@ def _ways(first, times, path, reach):  # type: ignore[no-untyped-def]
     for k in range(len(first) - 1):
         for i in range(first[k], first[k + 1]):
             low = high = i
-            while low > first[k] and (
-                times[i] - times[low] < AROUND
-                or np.hypot(path[low, 0] - path[i, 0], path[low, 1] - path[i, 1]) < reach[i]
-            ):
+            while low > first[k] and _is_near(times, path, i, low, reach[i]):
                 low -= 1
-            while high < first[k + 1] - 1 and (
-                times[high] - times[i] < AROUND
-                or np.hypot(path[high, 0] - path[i, 0], path[high, 1] - path[i, 1]) < reach[i]
-            ):
+            while high < first[k + 1] - 1 and _is_near(times, path, i, high, reach[i]):
                 high += 1
             out[i] = path[high, :2] - path[low, :2]
     return out
+
+
+@kernel
+def _is_near(times, path, i, j, reach):  # type: ignore[no-untyped-def]
+    """Return whether rows `i` and `j` of a path are less than `AROUND` seconds or `reach` metres apart."""
+    return abs(times[i] - times[j]) < AROUND or np.hypot(path[j, 0] - path[i, 0], path[j, 1] - path[i, 1]) < reach
 
 
 def shown_intervals(tracks: Tracks, scans: Scans, parts: Tracks, workers: int) -> Intervals:

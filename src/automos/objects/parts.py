@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from automos.core.scan import Mask
 from automos.objects.motion import ACCELERATION
-from automos.objects.tracks import Tracks
+from automos.objects.tracks import Tracks, counted
 
 Rows = npt.NDArray[np.int64]
 WITHIN = 0.5  # share of its scans in which a part lies within the body's box
@@ -66,7 +66,7 @@ def _with_foretold(bodies: Tracks, times: npt.NDArray) -> Tracks:
         scan = np.searchsorted(times, until, "right" if step > 0 else "left") - (step > 0)
         n = np.maximum(step * (scan - bodies.scan[ends]), 0)
         row = np.repeat(ends, n)
-        scan = bodies.scan[row] + step * (np.arange(1, len(row) + 1) - np.repeat(np.cumsum(n) - n, n))
+        scan = bodies.scan[row] + step * counted(n)
         center = bodies.center[row] + bodies.velocity[row] * (times[scan] - times[bodies.scan[row]])[:, None]
         found.append(replace(bodies[row], scan=scan, segment=np.full(len(row), -1), center=center))
     return Tracks(*map(np.concatenate, zip(*(some.to_arrays().values() for some in found), strict=True)))

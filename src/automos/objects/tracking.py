@@ -226,7 +226,7 @@ def without_standing(scans: Scans, parts: Tracks, places: Places, verdicts: Verd
         stands = places.static_points(scans.frames[i].points_level[own], owner[own])
         return np.stack([np.bincount(owner[own], minlength=n), np.bincount(owner[own], stands, n)])
 
-    asked = [i for i, rows in enumerate(parts_of_scan) if len(rows) and len(places.keys)]
+    asked = [i for i, rows in enumerate(parts_of_scan) if len(rows)] if len(places.keys) else []
     total, standing = sum(map_in_order(count, asked, workers, threads=True), np.zeros((2, n)))
     stands = standing > 0.5 * total
     share = np.divide(standing, total, out=np.zeros(n), where=stands)

@@ -113,9 +113,14 @@ def without_gaps(tracks: Tracks) -> Tracks:
     """Return `tracks` with a row for every scan from the first to the last one of each, where it was missed, too."""
     skipped = np.where(np.diff(tracks.track) == 0, np.diff(tracks.scan) - 1, 0)
     before = np.repeat(np.arange(len(skipped)), skipped)
-    step = np.arange(len(before)) - np.repeat(np.cumsum(skipped) - skipped, skipped) + 1
-    missed = replace(tracks[before], scan=tracks.scan[before] + step, segment=np.full(len(before), -1))
+    scan = tracks.scan[before] + counted(skipped)
+    missed = replace(tracks[before], scan=scan, segment=np.full(len(before), -1))
     return Tracks.concatenate([tracks, missed]) if len(before) else tracks
+
+
+def counted(n: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """Return 1, 2, ... up to each of the numbers `n` (K,), one after the other."""
+    return np.arange(1, n.sum() + 1) - np.repeat(np.cumsum(n) - n, n)
 
 
 def observed(tracks: Tracks) -> Tracks:
