@@ -53,6 +53,16 @@ def test_a_start_in_full_flight_is_found():
     np.testing.assert_allclose(found, true, rtol=0.1)
 
 
+@pytest.mark.parametrize("seed", [757, 782])
+def test_a_start_is_told_from_rest_though_rings_of_ground_lie_on_rings(seed):
+    world = simulate("hills", "VLP-16", n_scans=14, seed=seed)
+    moved = follow([world[k] for k in range(5)])
+    true = np.linalg.norm(np.diff(world.reference_poses[2:5, :3, 3], axis=0), axis=1)
+    assert true.min() > 0.8  # metres a scan
+    found = np.linalg.norm(np.diff(chained(moved)[2:5, :3, 3], axis=0), axis=1)
+    np.testing.assert_allclose(found, true, atol=0.15)
+
+
 @pytest.mark.parametrize(
     ("seed", "most"), [(0, 30), *(pytest.param(*few, marks=pytest.mark.slow) for few in ((1, 12), (3, 60)))]
 )

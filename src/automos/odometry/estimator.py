@@ -31,6 +31,7 @@ from automos.settings import OdometrySettings
 
 REMADE = 40
 """Scans that are registered again, at most."""
+ALIKE = 0.9  # of the best start's share of surfels on surfaces, from which on another start is as good
 SPEED_SCANS = 3
 """Scans in which the speed is first searched."""
 
@@ -177,7 +178,7 @@ class Odometry:
         if self._n < 2:
             return None
         if self._n == 2 and self.path.timing.share:  # from now on, the distortion of the first sweep is known
-            correction = self._follow_again(list(self._last), self.path.timing, self.path.twist)
+            correction = self._follow_again(list(self._last), self.path.timing, self._likeliest_start())
             correction.follow(self._n)
             return correction
         search = self._timing_search
@@ -191,6 +192,21 @@ class Odometry:
                 return self._follow_again(last, found.timing, se3_log(inverse(T) @ T_second) / second.gap)
         found_speed = self._searched(now)
         return None if found_speed is None else self._go_on_from(*found_speed)
+
+    def _likeliest_start(self) -> npt.NDArray[np.float64]:
+        """Return the motion (6,) from the first scan to the second under which both, undistorted by it, fit best.
+
+        Until they are, rings of a few beams on the ground fit best at rest. What fits hardly better changes nothing.
+        """
+        if len(self.path.starts) < 2:
+            return self.path.twist
+        last, paths = list(self._last), list[Path]()
+        for twist in (self.path.twist, *self.path.starts[1:]):
+            paths.append(self._new_path(self.path.timing, twist=twist, T_world_first=last[0][1]))
+            for timed, _ in last:
+                paths[-1].push(timed)
+        best = max(paths, key=lambda path: path.share)
+        return best.twist if paths[0].share < ALIKE * best.share else self.path.twist
 
     def _searched(self, now: float) -> Stamped | None:
         """Return the last scans at another speed if a search has found one; and plan the next search.

@@ -21,7 +21,7 @@ from automos.odometry.followed import Posed, TimedScan
 from automos.odometry.links import MIN_MATCHED, Alignment, Consistency, Links, share_close
 from automos.odometry.missing_scans import TRIED
 from automos.odometry.motion import MIN_POINTS, usable_points
-from automos.odometry.refine import align, first_steps, refine_poses, registered, solve_links
+from automos.odometry.refine import FIRST_STEPS, align, first_steps, refine_poses, registered, solve_links
 from automos.odometry.settling import elevation_in, settle
 from automos.odometry.speed import SpeedSearch
 from automos.odometry.surfels import surfels_of
@@ -52,6 +52,10 @@ class Path:
         The last scans, and when they were taken, seconds.
     twist : (6,) float64
         Motion per usual gap at the newest scan.
+    share : float
+        Of the surfels of a scan, about how many fitted in the last ones.
+    starts : list of (6,) float64
+        Motions per usual gap from the first scan to the second that may be, likeliest first.
     empty : list of float
         Stamps of scans with too few points to align.
     missing : dict[float, float]
@@ -86,7 +90,7 @@ class Path:
         nothing = np.zeros((0, 6)), np.zeros((0, 4, 4)), np.zeros(0)
         self.window = Window([], *nothing, USUAL_PERIOD, 0.0)
         self._leaving = dict[float, Pose]()
-        self._share = 0.0  # of surfels that fitted in the last scans
+        self.share, self.starts = 0.0, list[Array]()
         self._n_final, self._is_one = 0, True  # how many of the window's scans; whether they are of one LiDAR
         self._links = Links(Alignment(), pool)
 
@@ -163,21 +167,24 @@ class Path:
         return max(round(seconds / self.window.period), 2)  # however rarely scans come, one is aligned with another
 
     def _find_twist(self) -> None:
-        last, before = self.window.T_world_sensor[-1], self.window.T_world_sensor[-2]
-        self.twist = se3_log(inverse(before) @ last) / self.window.gaps[-1]
+        self.twist = _last_twist(self.window)
 
     def _align_newest(self) -> float:
         """Align the newest scan from where it may be, after as many scans; return its share of surfels on surfaces."""
         window = self._recent()
         tried = [self._aligned_from(window, window.T_world_sensor[-1], window.gaps[-1])]
         is_second = len(self.window) + self.window.first == 2 and not self._is_start_known
-        if is_second or tried[0][1] < DOUBTFUL * self._share:
+        if is_second or tried[0][1] < DOUBTFUL * self.share:
             starts = first_steps(window.T_world_sensor[-2]) if is_second else [registered(window)]
             gaps = window.gaps[-1:] if is_second or self._has_stamps else TRIED
             tried += [self._aligned_from(window, start, gap) for start in starts for gap in gaps]
-        found, share = max(tried, key=lambda one: one[1])
+        tried.sort(key=lambda one: -one[1])
+        found, share = tried[0]
         self._take(found)
-        self._share = max(share, 0.9 * self._share)
+        if is_second:
+            for twist in [_last_twist(part) for part, of_part in tried if of_part > DOUBTFUL * share]:
+                self.starts += [twist] if _is_other(twist, self.starts) else []
+        self.share = max(share, 0.9 * self.share)
         return share
 
     def _recent(self) -> Window:
@@ -226,3 +233,14 @@ class Path:
         self.searches.append(found.search)
         self.consistency.append(consistency)
         self._find_twist()
+
+
+def _is_other(start: Array, others: list[Array]) -> bool:
+    """Return whether a motion (6,) to the second scan is none of `others`, to half of the least of `FIRST_STEPS`."""
+    return all(np.linalg.norm((start - other)[:3]) > 0.5 * min(FIRST_STEPS) for other in others)
+
+
+def _last_twist(window: Window) -> Array:
+    """Return the motion (6,) per usual gap to the newest scan."""
+    before, last = window.T_world_sensor[-2:]
+    return se3_log(inverse(before) @ last) / window.gaps[-1]
