@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 from browsing import until
 
+from automos.core import workspace
 from automos.core.errors import InputError
 from automos.core.workspace import UNFINISHED, Workspace
 from automos.objects.verdict import Verdict
 from automos.results.open_run import open_run
 from automos.review import session as session_module
 from automos.review.ahead import Waiting
+from automos.review.box_rows import as_rows
 from automos.review.log import append_lines, now
 from automos.review.proposals import Proposer
 from automos.review.queue import Queue
@@ -57,6 +59,10 @@ class Missed:
             return found
 
         return replace(way, held=lru_cache(None)(held))
+
+
+def nothing(*given):
+    raise InputError("what stands there moves already")
 
 
 class Asking(threading.Thread):
@@ -146,6 +152,37 @@ def test_what_is_decided_between_proposal_and_acceptance_is_taken_out(session):
     with pytest.raises(InputError, match="moves already"):
         session.accept(0, len(session.stages.names))
     assert session.changes.amendments == []
+
+
+def test_a_glance_reads_the_scans_around_alone_and_the_rest_is_followed_after_it(session, monkeypatch):
+    missed, read, load = Missed(session), set(), workspace._FolderStage.load
+    session.queue.places = [{**missed.place, "place": 0, "rows": [0], "points": 9}]
+    session._near._most = 3
+    monkeypatch.setattr(workspace._FolderStage, "load", lambda *given: read.add(given[1]) or load(*given))
+    found = session.propose(number=0, is_glance=True)
+    assert read <= {session.stages.names[missed.where[0] + by] for by in range(-2, 3)}
+    assert (found["is_whole"], found["n_scans"]) == (False, 5)
+    with pytest.raises(InputError, match="nothing is proposed"):
+        session.accept(0, len(session.stages.names))
+    whole = session.propose(number=0)
+    assert whole["is_whole"]
+    assert whole["n_scans"] > 5
+    read.clear()
+    assert session.propose(number=0, is_glance=True) == whole
+    assert not read
+
+
+def test_a_glance_between_boxes_that_finds_nothing_goes_farther_and_another_says_so_at_once(session, monkeypatch):
+    missed, tracks, boxes = Missed(session), session.stages.tracks, {}
+    for row in np.flatnonzero(tracks.is_observed & (tracks.track == missed.track - 1))[[0, -1]]:
+        x, y, _, length, width, _, yaw = as_rows(tracks[[row]].boxes)[0].tolist()
+        boxes[int(tracks.scan[row])] = [x, y, length, width, yaw]
+    monkeypatch.setattr(session_module, "proposed", nothing)
+    assert session.propose(boxes=boxes, is_glance=True)["is_whole"]
+    session.queue.places = [{**missed.place, "place": 0, "rows": [0], "points": 9}]
+    with pytest.raises(InputError, match="moves already"):
+        session.propose(number=0, is_glance=True)
+    assert missed.where not in [what[1:] for what in session.proposals._kept]
 
 
 @pytest.mark.parametrize("is_cancelled", [True, False])

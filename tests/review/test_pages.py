@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from browsing import until
+from browsing import open_list, until
 from browsing import wait_for as browser_waits
 
 from automos.objects.verdict import Verdict
@@ -20,7 +20,7 @@ from automos.review.session import Session
 
 pytestmark = pytest.mark.browser
 wait_for = partial(browser_waits, seconds=30)
-ESCAPE = "\ue00c"
+ENTER, ESCAPE = "\ue007", "\ue00c"
 
 
 def press(browser, key):
@@ -28,6 +28,7 @@ def press(browser, key):
 
 
 def test_a_filter_keeps_what_is_open_in_sight(browser, server):
+    server.session.decide([2], "static")
     browser.get(server.url)
     first = wait_for(browser, "document.body.dataset.shown")
     verdict = wait_for(browser, "document.querySelector('.row[aria-current=true] .tag').textContent")
@@ -65,8 +66,7 @@ def test_an_object_is_cut_and_joined_again_by_keys(browser, server):
 def test_what_was_decided_last_is_taken_back_by_a_key_and_the_object_is_open_again(browser, server):
     from selenium.webdriver.common.keys import Keys
 
-    browser.get(server.url)
-    first = int(wait_for(browser, "document.body.dataset.shown"))
+    first = open_list(browser, server)
     found = server.session.overview()["items"][0]["verdict"]
     assert browser.execute_script("return document.getElementById('undo').disabled")
     press(browser, "s" if found == "moving" else "m")
@@ -83,8 +83,7 @@ def test_what_is_worth_knowing_is_beside_the_list_and_keys_decide_at_once(browse
     run = json.loads((server.session.run.folder / "run.json").read_text())
     run["warnings"] = [{"sentence": "No scan has a time."}]
     (server.session.run.folder / "run.json").write_text(json.dumps(run))
-    browser.get(server.url)
-    first = int(wait_for(browser, "document.body.dataset.shown"))
+    first = open_list(browser, server)
     assert wait_for(browser, "document.getElementById('knowing').innerText").endswith("No scan has a time.")
     other = "static" if server.session.overview()["items"][0]["verdict"] == "moving" else "moving"
     press(browser, other[0])
@@ -243,24 +242,52 @@ def places(server):
     return session.queue.places
 
 
-def test_how_far_something_is_followed_is_told_and_escape_gives_it_up(browser, server, places, monkeypatch):
-    may_go_on, real = threading.Event(), Proposer._painted
+def test_a_place_is_shown_while_it_is_followed_and_added_whole_unless_escape_gives_it_up(
+    browser, server, places, monkeypatch
+):
+    may_go_on, real, near = threading.Event(), Proposer._painted, server.session._near
+    near._most = 3
 
-    def slow(*args):
-        may_go_on.wait(60)
-        return real(*args)
+    def slow(proposer, *args):
+        if proposer is not near:
+            may_go_on.wait(60)
+        return real(proposer, *args)
 
     monkeypatch.setattr(Proposer, "_painted", slow)
     browser.get(server.url)
-    wait_for(browser, "/scan 1 of [0-9]+/.test(document.getElementById('saved').textContent)")
+    wait_for(browser, "document.body.dataset.shown === 'p0'")
+    facts = "document.getElementById('facts').textContent"
+    wait_for(browser, f"{facts}.includes('5 scans so far')")
+    told = "document.getElementById('saved').textContent"
+    wait_for(browser, f"/scan 1 of [0-9]+/.test({told})")
+    press(browser, ENTER)
+    wait_for(browser, "document.body.classList.contains('busy')")
     press(browser, ESCAPE)
-    wait_for(browser, "document.getElementById('saved').textContent === 'given up'")
+    wait_for(browser, f"{told} === 'given up'")
     may_go_on.set()
     wait_for(browser, "!document.body.classList.contains('busy')")
-    assert browser.execute_script("return document.body.dataset.mode") == "object"
     assert not browser.execute_script("return document.querySelector('#saved.problem')")
+    assert server.session.changes.amendments == []
+    press(browser, ENTER)
+    wait_for(browser, "document.body.dataset.added")
+    (made,) = server.session.changes.amendments
+    assert len(made.parts) > 5
+    browser.get("about:blank")  # it asks for the status now and then
+
+
+def test_a_place_where_all_moves_already_is_shown_from_above_and_done_with_by_escape(browser, server, places):
+    server.session.decide([places[0]["track"]], "moving")
+    browser.get(server.url)
+    wait_for(browser, "document.querySelector('#queue [data-id=p0]')")
     browser.execute_script("document.querySelector('#queue [data-id=p0]').click()")
     wait_for(browser, "document.body.dataset.shown === 'p0'")
+    assert browser.execute_script("return document.body.dataset.mode") == "place"
+    wait_for(browser, "document.querySelector('#saved.problem').textContent.includes('moves already')")
+    assert browser.execute_script("return document.getElementById('facts').textContent") == "Was it lost?"
+    press(browser, ESCAPE)
+    wait_for(browser, "document.body.dataset.shown === 'p1'")
+    assert len(server.session.queue._dismissed()) == 1
+    browser.get_log("browser")  # that the request was refused
 
 
 def test_the_next_place_is_made_while_one_is_looked_at(browser, server, places, monkeypatch):

@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 from asking import ask
-from browsing import wait_for
+from browsing import open_list, wait_for
 
 from automos.core.labels import Label
 from automos.review import record as record_module
@@ -232,8 +232,7 @@ def count_moving(run):
 # ------------------------------------------------------------------------------------------------------ in a browser
 @pytest.mark.browser
 def test_one_key_decides_and_shows_the_next(browser, server):
-    browser.get(server.url)
-    first = wait_for(browser, "document.body.dataset.shown")
+    first = open_list(browser, server)
     browser.find_element("tag name", "body").send_keys("u")
     wait_for(browser, f"document.body.dataset.shown !== '{first}'")
     wait_for(browser, "document.getElementById('saved').textContent === 'saved ✓'")
@@ -322,8 +321,7 @@ def test_the_report_says_what_a_person_decided_in_the_words_of_the_review(browse
 
 @pytest.mark.browser
 def test_quick_decisions_on_one_object_are_logged_in_their_order(browser, server):
-    browser.get(server.url)
-    first = wait_for(browser, "document.body.dataset.shown")
+    first = open_list(browser, server)
     hinder_decisions(browser, "if (count === 1) await new Promise((done) => setTimeout(done, 2500));")
     body = browser.find_element("tag name", "body")
     body.send_keys("u")
@@ -338,8 +336,7 @@ def test_quick_decisions_on_one_object_are_logged_in_their_order(browser, server
 
 @pytest.mark.browser
 def test_a_decision_that_cannot_be_saved_is_told_and_sent_again(browser, server):
-    browser.get(server.url)
-    first = wait_for(browser, "document.body.dataset.shown")
+    first = open_list(browser, server)
     browser.execute_script("window.send = window.fetch.bind(window)")
     hinder_decisions(browser, "throw new TypeError('Failed to fetch');")
     body = browser.find_element("tag name", "body")
@@ -367,8 +364,7 @@ def test_a_decision_that_cannot_be_saved_is_told_and_sent_again(browser, server)
 
 @pytest.mark.browser
 def test_an_object_that_is_not_drawn_yet_is_not_decided_on(browser, server):
-    browser.get(server.url)
-    first = wait_for(browser, "document.body.dataset.shown")
+    first = open_list(browser, server)
     browser.execute_script("""
         const send = window.fetch.bind(window);
         window.fetch = (path, options) => path.startsWith("api/scene") ? new Promise(() => {}) : send(path, options);
@@ -411,8 +407,7 @@ def test_what_is_told_over_the_page_is_closed_by_a_key_and_keys_decide_again(bro
 
 @pytest.mark.browser
 def test_letters_decide_while_a_button_has_the_focus_and_space_is_the_buttons(browser, server):
-    browser.get(server.url)
-    first = wait_for(browser, "document.body.dataset.shown")
+    first = open_list(browser, server)
     browser.execute_script("document.getElementById('add').focus()")
     browser.switch_to.active_element.send_keys("u")
     wait_for(browser, f"document.body.dataset.shown !== '{first}'")

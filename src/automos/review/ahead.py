@@ -128,7 +128,7 @@ class _Proposal:
         self.sought, self.total = 0, 0
         self._stages, self._find = stages, find
         self._way: Way | None = None
-        self._shown: Shown | None = None
+        self.shown: Shown | None = None
         self._may_go_on: Callable[[], bool] = lambda: True
 
     def _on_scan(self, total: int) -> None:
@@ -144,10 +144,10 @@ class _Proposal:
         after = None
         while after is not (after := changes()):
             found = proposed(self._stages, self._way, after)
-            if self._shown is None or not _is_same(found, self._shown[0]):
-                self._shown = found, scene(self._stages, subject_of_amendment(self._stages, found, 0))
-        assert self._shown is not None
-        return self._shown
+            if self.shown is None or not _is_same(found, self.shown[0]):
+                self.shown = found, scene(self._stages, subject_of_amendment(self._stages, found, 0))
+        assert self.shown is not None
+        return self.shown
 
 
 def _is_same(one: Amendment, other: Amendment) -> bool:
@@ -211,6 +211,10 @@ class Proposals:
         self._is_stopped = True
         self.cancel()
         self.make_ahead([])
+
+    def is_made(self, what: What) -> bool:
+        """Return whether it was followed to its ends."""
+        return what in self._kept and self._kept[what].shown is not None
 
     def progress(self) -> dict[str, int]:
         """Return how many scans of what is waited for were gone through, and of how many, 0 if that is not known."""

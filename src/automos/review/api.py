@@ -21,12 +21,15 @@ def _decide(session: Session, body: Body) -> dict[str, Any]:
 
 
 def _propose(session: Session, body: Body) -> dict[str, Any]:
+    where: dict[str, Any]
     if "boxes" in body:
         boxes = [one if isinstance(one, Mapping) else {} for one in _list(body, "boxes")]
-        return session.propose(boxes={number(one.get("index"), "a scan"): _box(one.get("box")) for one in boxes})
-    if "place" in body:
-        return session.propose(number=number(body["place"], "a place"))
-    return session.propose(number(body.get("index"), "a scan"), (_metres(body.get("x")), _metres(body.get("y"))))
+        where = {"boxes": {number(one.get("index"), "a scan"): _box(one.get("box")) for one in boxes}}
+    elif "place" in body:
+        where = {"number": number(body["place"], "a place")}
+    else:
+        where = {"index": number(body.get("index"), "a scan"), "at": (_metres(body.get("x")), _metres(body.get("y")))}
+    return session.propose(**where, is_glance=body.get("glance") is True)
 
 
 def _accept(session: Session, body: Body) -> dict[str, Any]:

@@ -38,9 +38,14 @@ Path = dict[int, tuple[int, npt.NDArray[np.float64]]]
 
 
 def follow_segment(
-    detect: Detect, stamps: npt.NDArray[np.float64], scan: int, segment: int, settings: TrackingSettings
+    detect: Detect,
+    stamps: npt.NDArray[np.float64],
+    scan: int,
+    segment: int,
+    settings: TrackingSettings,
+    most: int | None = None,
 ) -> Path:
-    """Return where segment `segment` of scan `scan` was before and after.
+    """Return where segment `segment` of scan `scan` was before and after, in `most` scans each way.
 
     Parameters
     ----------
@@ -49,8 +54,8 @@ def follow_segment(
     stamps : (N,) float64
         Seconds.
     """
-    ahead = follow_ahead(detect, stamps, scan, segment, settings, 1)
-    behind = follow_ahead(detect, stamps, scan, segment, settings, -1)
+    ahead = follow_ahead(detect, stamps, scan, segment, settings, 1, most=most)
+    behind = follow_ahead(detect, stamps, scan, segment, settings, -1, most=most)
     return dict(sorted({**behind, **ahead}.items()))
 
 
@@ -63,8 +68,9 @@ def follow_ahead(
     step: int,
     heading: Heading | None = None,
     window: float = FIRST_WINDOW,
+    most: int | None = None,
 ) -> Path:
-    """Return the path from `scan` on, forwards (`step` 1) or backwards (-1).
+    """Return the path from `scan` on, forwards (`step` 1) or backwards (-1), in `most` scans if that is given.
 
     A known `heading` saves time: fewer neighbours are followed with it. The object is gone once it is out of sight at
     the end of `window` seconds, or twice, four times as many, or once the tracker gives it up.
@@ -74,7 +80,7 @@ def follow_ahead(
     found: Path = {}
     missed: Path = {}
     seen = scan
-    for i in range(scan, len(stamps) if step > 0 else -1, step):
+    for i in range(scan, len(stamps) if step > 0 else -1, step)[:most]:
         if away[i] > window and abs(stamps[seen] - stamps[i - step]) > settings.max_gap:
             break
         while away[i] > window:

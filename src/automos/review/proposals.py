@@ -41,9 +41,9 @@ _NEW, _NONE = -2, np.zeros(0, np.int64)
 class Proposer:
     """Makes proposals for one run; keeps the segments of scans it has read."""
 
-    def __init__(self, stages: RunStages):
-        """Take the run's stages."""
-        self._stages = stages
+    def __init__(self, stages: RunStages, most: int | None = None):
+        """Take the run's stages, and how many scans each way something is followed through: to its ends if None."""
+        self._stages, self._most = stages, most
         self.detections = lru_cache(4000)(stages.detections)
 
     # ------------------------------------------------------------------------------------------------- what is shown
@@ -126,7 +126,7 @@ class Proposer:
 
         stamps, follow = self._stages.trajectory.stamps, self._stages.settings.tracking
         settings = follow.model_copy(update={"max_gap": max(follow.max_gap, MAX_GAP)})
-        path = follow_segment(detect, stamps, index, segment, settings)
+        path = follow_segment(detect, stamps, index, segment, settings, self._most)
         seen = {i: (own, box) for i, (own, box) in path.items() if own >= 0}
 
         def held(i: int) -> Rows:
@@ -143,7 +143,7 @@ class Proposer:
         corners = np.array(list(boxes.values()))
         corners[:, 6] = np.unwrap(corners[:, 6], period=np.pi)  # a box turned by half a turn is the same box
         stamps = self._stages.trajectory.stamps
-        scans = range(keys[0], keys[-1] + 1)
+        scans = range(keys[0], keys[-1] + 1)[: self._most]
         between = {i: np.array([np.interp(stamps[i], stamps[keys], column) for column in corners.T]) for i in scans}
 
         def held(i: int) -> Rows:

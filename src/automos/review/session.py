@@ -11,17 +11,19 @@ from automos.core.run import Progress
 from automos.core.workspace import Workspace
 from automos.results.run_files import RunFiles
 from automos.results.run_warnings import general_sentences
-from automos.review.ahead import GivenUpError, Pictures, Proposals, Waiting, What
+from automos.review.ahead import GivenUpError, Pictures, Proposals, Shown, Waiting, What
 from automos.review.amendments import Amendment
 from automos.review.apply import is_applied, reapply
 from automos.review.log import now
 from automos.review.looking import open_sample
 from automos.review.proposals import Proposer
 from automos.review.record import Record
-from automos.review.reshaping import as_amendment, cut, join, split
+from automos.review.reshaping import as_amendment, cut, join, proposed, split
 from automos.review.run_stages import RunStages
 from automos.review.scenes import Subject, place, scene, subject_of_amendment, subject_of_track
 
+NEAR = 6
+"""Scans each way that are shown of something at once, while it is followed through the others."""
 AHEAD = 3
 """Places made ahead: with those a person has for each the time that she looks at three others."""
 
@@ -47,6 +49,7 @@ class Session(Record):
         self._pictures = Pictures(run, self.stages, self.queue, self._waiting)
         self.proposals = Proposals(self.stages, lambda: self.changes, self._waiting)
         self.looking = None if n_looks is None else open_sample(self.stages, self.changes, n_looks, progress)
+        self._near = Proposer(self.stages, NEAR)
         self._reshaping = threading.Lock()  # what two people cut is cut once
 
     # ------------------------------------------------------------------------------------------------- what is shown
@@ -100,10 +103,12 @@ class Session(Record):
         at: tuple[float, float] | None = None,
         boxes: dict[int, list[float]] | None = None,
         number: int | None = None,
+        is_glance: bool = False,
     ) -> dict[str, Any]:
         """Return the scene of what is at a point of a scan, in drawn boxes, or at a place, followed through time.
 
-        It is kept until it is accepted or another is proposed. Nothing is returned once it is given up.
+        It is kept until it is accepted or another is proposed. Nothing is returned once it is given up. A glance is at
+        the scans around, at once; `is_whole` says whether there is more.
 
         Raises
         ------
@@ -122,10 +127,29 @@ class Session(Record):
         else:
             raise InputError("say where: a point of a scan, boxes, or a place")
         try:
-            found, shown = self.proposals.get(what)
+            (found, shown), is_whole = self._glance(what) if is_glance else (self.proposals.get(what), True)
         except GivenUpError:
             return {}
-        return {**shown, "n_scans": len(found.parts), "points_of_it": sum(len(p.rows) for p in found.parts.values())}
+        points = sum(len(part.rows) for part in found.parts.values())
+        return {**shown, "n_scans": len(found.parts), "points_of_it": points, "is_whole": is_whole}
+
+    def _glance(self, what: What) -> tuple[Shown, bool]:
+        """Return what is to be seen of something in the scans around, or all of it if that was made; and which it is.
+
+        It takes as long in a recording of any length. What was asked for before is given up; errors as of `propose`.
+        """
+        self.proposals.cancel()
+        method, *where = what
+        if self.proposals.is_made(what):
+            return self.proposals.get(what), True
+        with self._waiting:
+            try:
+                found = proposed(self.stages, method(self._near, *where, lambda n: None), self.changes)
+                return (found, scene(self.stages, subject_of_amendment(self.stages, found, 0))), False
+            except InputError:
+                if method is not Proposer.in_boxes:  # between boxes there may be something farther on
+                    raise
+        return self.proposals.get(what), True
 
     def make_ahead(self, numbers: list[int]) -> None:
         """Make what places will show, by their numbers, while nothing is waited for; InputError if there is none."""

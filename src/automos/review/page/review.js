@@ -341,7 +341,7 @@
     ...missed.keys,
   };
   frame.onKeys((key) => {
-    if (document.body.classList.contains("busy")) return key === "Escape" ? missed.giveUp : null;
+    if (document.body.classList.contains("busy")) return key === "Escape" ? () => missed.giveUp("given up") : null;
     return now.run && (keys[now.mode][key] || always[key]);
   });
   window.addEventListener("beforeunload", (event) => { if (outbox.length) event.preventDefault(); });

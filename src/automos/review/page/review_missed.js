@@ -10,6 +10,7 @@ function makeMissed(now, page) {
   const place = makePlace(byId("place"), { onPick: pick, onBox: boxDrawn, onHint: hint, chosen: () => now.current?.id ?? null });
   let proposal = null, boxes = []; // what is proposed; boxes drawn for it
   let isAtOnce = false; // whether a click adds without asking
+  let refused = null; // a place where all moves already
   let pending = null, givenUp = null; // what is being followed; that the server knows of what no longer is
 
   async function goToScan(index, at = null) {
@@ -102,47 +103,74 @@ function makeMissed(now, page) {
     }
   }
 
-  function giveUp() {
+  function giveUp(text = "") {
     if (!pending) return;
     pending = null;
     givenUp = ask("api/cancel", {}).catch(() => {});
-    tell("given up");
+    tell(text);
   }
 
   function propose(what, from = null) {
     return doing("following it through time …", async () => {
       const from_scan = now.scan;
-      const packed = await follow(what);
+      const packed = await follow({ ...what, glance: true }).catch((error) => { if (!from || now.current !== from) throw error; return refuse(from, error); });
       if (!packed || (from && now.current !== from)) return;
-      const found = view.unpack(packed);
-      const indices = found.moments.map((one) => one.index);
-      proposal = { from, from_scan, first: indices[0], last: indices.at(-1), points: found.points_of_it, n: found.n_scans };
+      const mine = proposal = { what, from, from_scan, limits: {}, whole: null };
       setMode("proposal");
-      setSlider(found.moments.length - 1);
-      view.fill(found, "moving");
+      fill(packed);
       play(true);
-      drawProposal();
       tell("");
       document.body.dataset.shown = from ? `p${from.place}` : "proposal";
+      if (!proposal.isWhole) followOn(mine).catch((error) => { if (proposal === mine) tell(error.message, true); });
     });
+  }
+
+  /* Show from above a place where there is nothing to add, and why. */
+  async function refuse(from, error) {
+    refused = from;
+    await goToScan(from.index, from.at);
+    place.mark(from.at);
+    byId("facts").replaceChildren(element("span", {}, from.sentence));
+    tell(error.message, true);
+    document.body.dataset.shown = `p${from.place}`;
+    return null;
+  }
+
+  /* Follow what is proposed to its ends, while a part of it is looked at; return whether that was not given up. */
+  function followOn(mine) {
+    mine.whole ??= follow(mine.what).then((packed) => {
+      if (packed && proposal === mine && now.mode === "proposal") { fill(packed, view.moment.index); tell(""); }
+    }).finally(() => { mine.whole = null; });
+    return mine.whole.then(() => mine.isWhole);
+  }
+
+  function fill(packed, index = -1) {
+    const found = view.unpack(packed), ends = [found.moments[0].index, found.moments.at(-1).index];
+    Object.assign(proposal, { first: ends[0], last: ends[1], ...proposal.limits, points: found.points_of_it, n: found.n_scans, isWhole: found.is_whole });
+    setSlider(found.moments.length - 1);
+    view.fill(found, "moving", index);
+    drawProposal();
   }
 
   function drawProposal() {
     byId("facts").replaceChildren(
       ...(proposal.from ? [element("span", {}, proposal.from.sentence)] : []),
-      fact("followed through", `${proposal.n} scans`), fact("points", Look.count(proposal.points)),
+      fact("followed through", `${proposal.n} scans${proposal.isWhole ? "" : " so far"}`), fact("points", Look.count(proposal.points)),
       fact("from scan", now.run.scans[proposal.first]), fact("to", now.run.scans[proposal.last]));
   }
 
   function limit(end) {
-    proposal[end] = view.moment.index;
-    if (proposal.first > proposal.last) proposal[end === "first" ? "last" : "first"] = proposal[end];
+    const other = end === "first" ? "last" : "first", index = view.moment.index;
+    Object.assign(proposal.limits, { [end]: index, ...((end === "first" ? index > proposal.last : index < proposal.first) ? { [other]: index } : {}) });
+    Object.assign(proposal, proposal.limits);
     drawProposal();
   }
 
   function accept() {
-    const { from, from_scan, first, last } = proposal;
+    const mine = proposal, { from, from_scan } = mine;
     return doing("adding it …", async () => {
+      if (!mine.isWhole && !(await followOn(mine))) return;
+      const { first, last } = mine;
       const { id } = await ask("api/accept", { first, last });
       await showAdded(id, `object ${id} added ✓`);
       if (from) page.openAfter(now.current);
@@ -151,8 +179,10 @@ function makeMissed(now, page) {
   }
 
   function discard() {
-    if (now.mode === "place") { boxes = []; return open(now.current || now.run.items[0]); }
-    const { from, from_scan } = proposal;
+    const isRefused = refused && refused === now.current;
+    if (now.mode === "place" && !isRefused) { boxes = []; return open(now.current || now.run.items[0]); }
+    giveUp();
+    const { from, from_scan } = isRefused ? { from: refused } : proposal;
     if (!from) { boxes = []; return goToScan(from_scan); }
     doing("saving …", async () => {
       await ask("api/dismiss", { place: from.place });
@@ -163,7 +193,7 @@ function makeMissed(now, page) {
     });
   }
 
-  const anotherBox = () => { if (now.mode === "proposal") goToScan(proposal.from_scan).then(() => place.drawBox(true)); else place.drawBox(!place.isDrawing); };
+  const anotherBox = () => { giveUp(); if (now.mode === "proposal") goToScan(proposal.from_scan).then(() => place.drawBox(true)); else place.drawBox(!place.isDrawing); };
 
   return {
     goToScan, propose, giveUp,

@@ -95,7 +95,9 @@ function makeObjectView({ spaceCanvas, aboveCanvas, onMoment }) {
     unpack, show, play, resetView,
     hasSpace: space !== null,
     clear() { scene = null; play(false); drawAbove(); if (space) space.show(new Float32Array(), new Float32Array()); },
-    fill(newScene, newVerdict) { scene = newScene; verdict = newVerdict; resetView(); show(0); },
+    fill(newScene, newVerdict, index = -1) { // at the first moment that is not before scan `index`
+      scene = newScene; verdict = newVerdict; resetView(); show(Math.max(scene.moments.findIndex((one) => one.index >= index), 0));
+    },
     paint(newVerdict) { verdict = newVerdict; show(moment); },
     outline(box) { drawn = box; drawAbove(); },
     step: (by) => show(moment + by),
