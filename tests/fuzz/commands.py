@@ -128,7 +128,8 @@ def _review(root: Path, rng: random.Random, *more: object) -> None:
     for item in items[:2]:
         if "id" in item:
             session.scene(item["id"])
-            session.decide([item["id"]], rng.choice(("moving", "static", "found")))
+            session.decide([item["id"]], rng.choice(("moving", "static", "undo")))
+    session.propose(N_SCANS // 2, (0.0, -11.0), is_glance=True)
     session.place(N_SCANS // 2)
     session.close()
     _require_whole(root / "run", root / "log")
@@ -246,6 +247,7 @@ class Requests:
         }  # fmt: skip
         if rng.random() < 0.3:
             bodies["propose"] = {"boxes": [{"index": 3, "box": box}, {"index": 6, "box": box}]}
+        bodies["propose"]["glance"] = rng.random() < 0.5
         if rng.random() < 0.3:
             name, given = rng.choice(sorted(ASKED)), rng.choice(NUMBERS)
             LAST.append(f"{name} {given[:30]!r}")
