@@ -21,6 +21,8 @@ from automos.review.ahead import Waiting
 from automos.review.amendments import Part, append_verdicts, read_amendments
 from automos.review.apply import reapply
 from automos.review.log import LOG_FILE, read_lines
+from automos.review.reshaping import as_amendment
+from automos.review.run_stages import Changes, RunStages
 from automos.review.session import Session
 from automos.views.ground_map import Thumbnails
 
@@ -135,6 +137,16 @@ def test_what_moves_already_is_not_added_twice(session):
     x, y = frame.points_level[np.searchsorted(frame.kept, own[0]), :2]
     with pytest.raises(InputError, match="moves already"):
         session.propose(index, (float(x), float(y)))
+
+
+def test_what_moves_is_cut_by_the_labels_that_it_has_and_they_are_not_made_anew(session, monkeypatch):
+    track = moving_track(session)
+    painted = as_amendment(session.stages, track, Changes({track: "moving"}))
+    monkeypatch.setattr(RunStages, "painted", lambda *given: pytest.fail("a scan is labelled again"))
+    found = as_amendment(session.stages, track, Changes())
+    assert {name: part.rows.tolist() for name, part in found.parts.items()} == {
+        name: part.rows.tolist() for name, part in painted.parts.items()
+    }
 
 
 def test_a_track_is_cut_at_a_time_and_each_half_is_decided_on_alone(session):

@@ -84,13 +84,13 @@ def as_amendment(stages: RunStages, track: int, changes: Changes) -> Amendment:
     if made is not None:
         return made
     here = stages.tracks[stages.tracks.rows_of(track)]
-    painted = Changes({**changes.decided, track: "moving"}, changes.amendments)
+    verdict = changes.decided.get(track, stages.verdict(track))
+    painted = changes if verdict == "moving" else replace(changes, decided={**changes.decided, track: "moving"})
     parts = {}
     for i, box in zip(here.scan.tolist(), as_rows(here.boxes), strict=True):
         rows = np.flatnonzero(changed_labels(stages, i, painted)["track"] == track)
         if len(rows):
             parts[stages.names[i]] = Part.of_box(rows, box, stages.T_level_sensor[i])
-    verdict = changes.decided.get(track, stages.verdict(track))
     if not parts:
         raise InputError(f"object {track + 1} has no points of its own left")
     return Amendment("", now(), "cut", verdict, parts)
