@@ -21,6 +21,7 @@ from automos.core.pose_files import read_poses
 from automos.evaluation.predictions import find_predictions
 from automos.fleet import work_folder
 from automos.readers import find_recordings, open_sequence
+from automos.readers.files import holds_tables
 from automos.results.run_files import RunFiles
 from automos.settings import load_settings, read_overrides
 
@@ -79,6 +80,16 @@ def test_a_pipe_is_not_waited_for(tmp_path, name):
     os.mkfifo(folder / name)
     with pytest.raises(InputError, match=f"{name} is "):
         _ = open_sequence(folder).reference_poses
+
+
+@linux
+def test_a_pipe_among_tables_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "000001.csv")
+    assert not holds_tables(tmp_path)
+    (tmp_path / "000002.csv").write_text("1,2,3\n4,5,6\n")
+    assert holds_tables(tmp_path)
+    with pytest.raises(InputError, match=r"000001\.csv is not a regular file"):
+        open_sequence(tmp_path)
 
 
 @pytest.mark.skipif(not os.path.ismount("/proc"), reason="needs the kernel's own files")

@@ -178,7 +178,11 @@ def test_a_place_that_is_a_file_is_told(tmp_path, place):
         Workspace(tmp_path / place).stage("labels", "k")
 
 
-@pytest.mark.parametrize("text", ["", "{", "[1]", "null", "3", "\xff"], ids=["empty", "cut", "list", "null", "3", "?"])
+@pytest.mark.parametrize(
+    "text",
+    ["", "{", "[1]", "null", "3", "\xff", '{"odometry": {"wall": NaN}}', '{"odometry": {"wall": 1e400}}'],
+    ids=["empty", "cut", "list", "null", "3", "?", "nan", "beyond"],
+)
 def test_a_damaged_run_file_counts_as_none(tmp_path, text):
     (tmp_path / RUN_FILE).write_bytes(text.encode("latin-1"))
     assert Workspace(tmp_path).read_run() == {}

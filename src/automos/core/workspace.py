@@ -5,6 +5,7 @@ one file per scan, written under a temporary name and then renamed. So existing 
 settings are never read.
 """
 
+import json
 import zipfile
 from collections.abc import Mapping
 from contextlib import suppress
@@ -191,6 +192,7 @@ class Workspace(Stages):
         try:
             run: dict[str, Any] = read_json(self.root / RUN_FILE)
             RunRecord.model_validate(run)
+            json.dumps(run, allow_nan=False)  # a number that JSON has not
         except (ValueError, OSError):  # InputError and pydantic's errors are ValueErrors
             return {}  # the run is made again
         return run

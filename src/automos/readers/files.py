@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
+from automos.core.reading import require_regular
 from automos.readers.codecs import CODEC_OF_SUFFIX, suffix_codec
 from automos.readers.scan_times import NAMES, stamps_from_names
 
@@ -41,7 +42,8 @@ def holds_tables(folder: Path) -> bool:
     What cannot be read, or is empty, may be a table, which is told when it is opened.
     """
     for name in point_files(folder):
-        with suppress(OSError):
+        with suppress(OSError, InputError):
+            require_regular(folder / name)  # a pipe is waited for without end
             with open(folder / name, "rb") as file:
                 start = file.read(_LONGEST_HEADER)
             is_one_line = len(start) == _LONGEST_HEADER and b"\n" not in start  # so many names of columns
