@@ -62,9 +62,8 @@ class Pictures:
         """Begin to make them."""
         self._run, self._stages, self._queue, self._waiting = run, stages, queue, waiting
         self._found: dict[int, dict[str, Any]] = {}
-        self._is_whole = False
         self._made: dict[int, dict[str, Any]] = {}
-        self._is_stopped = False
+        self._is_whole = self._is_stopped = False
         threading.Thread(target=self._make, daemon=True).start()
 
     def to_page(self, amendments: Iterable[Amendment]) -> dict[str, Any]:
@@ -124,8 +123,7 @@ class _Proposal:
     """What is found of one thing so far; whoever holds its lock goes on with it."""
 
     def __init__(self, stages: RunStages, find: Callable[[OnScan], Way]):
-        self.lock = threading.Lock()
-        self.sought, self.total = 0, 0
+        self.lock, self.sought, self.total = threading.Lock(), 0, 0
         self._stages, self._find = stages, find
         self._way: Way | None = None
         self.shown: Shown | None = None
