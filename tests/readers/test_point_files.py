@@ -107,6 +107,13 @@ def test_a_pcd_header_gives_the_viewpoint_as_a_transform(tmp_path, write_points,
     np.testing.assert_allclose(read_header(tmp_path / "a.pcd").viewpoint, expected, atol=1e-7)
 
 
+def test_a_viewpoint_that_is_nowhere_is_told(tmp_path):
+    header = "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 1\nHEIGHT 1\nVIEWPOINT 0 -2147483649 0 1 0 0 0\nDATA ascii\n"
+    (tmp_path / "a.pcd").write_text(f"{header}1 2 3\n")
+    with pytest.raises(InputError, match=r"a\.pcd has a PCD header .*VIEWPOINT is at .* m"):
+        read_header(tmp_path / "a.pcd")
+
+
 @pytest.mark.parametrize("encoding", ["ascii", "binary", "binary_compressed"])
 def test_padding_and_fields_of_several_values_do_not_shift_the_others(tmp_path, encoding, pack_lzf):
     # Fields as PCL writes a PointXYZI with a histogram: x y z _ h[3] intensity, all float32.

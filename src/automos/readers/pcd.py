@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
-from automos.core.geometry import make_transform
+from automos.core.geometry import FARTHEST, make_transform
 from automos.core.reading import read_bytes
 from automos.core.scan import Pose
 from automos.readers.columns import MAX_FIELDS, Columns
@@ -156,6 +156,8 @@ def _viewpoint(words: list[str] | None) -> Pose:
         raise ValueError(f"VIEWPOINT has {len(numbers)} numbers, not 7")
     if not np.isfinite(numbers).all():
         return np.eye(4)
+    if not (np.abs(numbers[:3]) < FARTHEST).all():
+        raise ValueError(f"VIEWPOINT is at {numbers[:3]} m")
     wxyz = numbers[3:] if numbers[3:].any() else [1.0, 0.0, 0.0, 0.0]
     return make_transform(Rotation.from_quat(np.roll(wxyz, -1)).as_matrix(), numbers[:3])
 
