@@ -5,8 +5,9 @@
 Proofs by a package are tests. Each family of readers gets an environment of its own in FOLDER, which is kept; one that
 is there is used as it is. Proofs by a trainer's own loader run on data sets made of the RUNs (the first is for
 training, the last for validation; two worlds are simulated and labelled if none is given), with clones of the trainers'
-repositories in FOLDER/repositories. What cannot be installed is not proven, and the table says so. Ends with 1 where a
-proof fails.
+repositories in FOLDER/repositories. The RUNs, of recordings in folders of .bin, are also what is compared point for
+point with and without movers. What cannot be installed is not proven, and the table says so. Ends with 1 where a proof
+fails.
 """
 
 import argparse
@@ -20,6 +21,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 WRITERS = "tests/writers/"
+POINTS = f"{WRITERS}cleaning/test_point_for_point.py"
 ENVIRONMENTS = {
     "readers": ["{here}[dev-readers,dufomap]"],
     "supervisely": ["{here}[dev-supervisely]"],
@@ -79,6 +81,12 @@ BY_TESTS = {
         ("pcd", "pypcd4", f"{WRITERS}test_independent_readers.py", "pypcd4"),
         ("ply", "plyfile", f"{WRITERS}test_independent_readers.py", "plyfile"),
         ("mcap", "mcap-ros2-support", f"{WRITERS}test_independent_readers.py", "mcap"),
+        ("clean, .bin", "numpy, every byte", POINTS, "four_floats"),
+        ("clean --as bin", "numpy, every point", POINTS, "numpy"),
+        ("clean --as pcd", "pypcd4, every point", POINTS, "as_pcd"),
+        ("clean --as laz", "laspy, every point", POINTS, "laspy"),
+        ("clean, PCD and LAZ", "pypcd4 and laspy, every field", POINTS, "every_field"),
+        ("clean, bags with an IMU and tf", "rosbags, every message", POINTS, "nothing_else"),
     ),
     "supervisely": (("supervisely", "supervisely", f"{WRITERS}test_independent_readers.py", "supervisely"),),
     "ros2": (
@@ -102,7 +110,7 @@ LOADERS = {
 Row = tuple[str, str, str]
 
 
-def by_tests(python: str | None, rows: tuple[tuple[str, str, str, str], ...]) -> list[Row]:
+def by_tests(python: str | None, rows: tuple[tuple[str, str, str, str], ...], runs: list[Path]) -> list[Row]:
     """Return the rows of one environment: all tests in one process, each row those whose names have its part."""
     if python is None:
         return [(export, reader, "not run") for export, reader, *_ in rows]
@@ -111,6 +119,7 @@ def by_tests(python: str | None, rows: tuple[tuple[str, str, str, str], ...]) ->
         report = Path(scratch) / "report.xml"
         command = [python, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-k", parts, *files]
         inherited = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
+        inherited["AUTOMOS_RUNS"] = os.pathsep.join(str(run.absolute()) for run in runs)
         subprocess.run([*command, f"--junit-xml={report}"], cwd=ROOT, env=inherited, capture_output=True, check=False)
         cases = list(ElementTree.parse(report).iter("testcase")) if report.exists() else []
     found = []
@@ -187,7 +196,7 @@ def main() -> None:
     folder.mkdir(parents=True, exist_ok=True)
     pythons = {name: environment(folder, name) for name in given.only if name != "core"}
     pythons["core"] = sys.executable if "core" in given.only else None
-    rows = [row for name, tests in BY_TESTS.items() for row in by_tests(pythons.get(name), tests)]
+    rows = [row for name, tests in BY_TESTS.items() for row in by_tests(pythons.get(name), tests, given.runs)]
     rows += by_loaders(pythons.get("trainers"), folder / "repositories", given.runs)
     print("| export | reader | result |\n|---|---|---|")
     for row in rows:

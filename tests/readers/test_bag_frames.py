@@ -4,7 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
-from bags import _message, _static_transforms, cloud, columns_of
+from bags import _message, _transforms, cloud, columns_of
 from street_log import street_log
 
 from automos.core.errors import InputError
@@ -113,7 +113,7 @@ class Bag:
         for parent, child, poses in joints:
             for seconds, T in zip(self.log.stamps.tolist(), poses, strict=True):
                 xyzw = Rotation.from_matrix(T[:3, :3]).as_quat().tolist()
-                message = _static_transforms(self.types, [(parent, child, T[:3, 3].tolist(), xyzw)])
+                message = _transforms(self.types, 0, [(parent, child, T[:3, 3].tolist(), xyzw)])
                 message.transforms[0].header = self._header(seconds, parent)
                 messages.append((seconds, message))
         self.write(topic, messages)
