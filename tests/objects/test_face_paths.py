@@ -21,6 +21,11 @@ def test_a_way_counts_in_standard_deviations_of_its_mean():
     assert way_of(np.linspace(0.0, 5.0, 27)) == pytest.approx(np.log1p(5.0 * 5.0 / LEAST_SCATTER), abs=0.05)
 
 
+def test_what_stands_for_minutes_after_a_slide_has_gone_no_farther():
+    slid = np.minimum(0.1 * np.arange(900), 1.0)
+    assert way_of(slid) == pytest.approx(way_of(slid[:90]), abs=0.2)
+
+
 def test_what_jumps_about_has_hardly_a_way():
     jumps = np.tile([0.0, 1.0, -1.0, 0.5], 8)
     assert way_of(jumps) < way_of(np.linspace(0.0, 0.5, 32)) - 1.0

@@ -14,20 +14,18 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.geometry import Array
-from automos.core.kernels import kernel
 from automos.core.parallel import map_in_order
 from automos.core.scan import Frames, Mask
 from automos.core.stages import Stage
 from automos.core.upright_boxes import Boxes
 from automos.objects.kinds import whole_extent
-from automos.objects.motion import NOISE, smooth_paths
+from automos.objects.motion import NOISE, smooth_paths, ways_around
 from automos.objects.object_points import tracks_of_points
 from automos.objects.tracks import Tracks
 
 Rows = npt.NDArray[np.int64]
 SURE = 3.0  # standard deviations from which on a direction is told, or two disagree
 SIDE = 0.2  # metres, standard deviation of the end of a side about the other
-AROUND = 0.5  # seconds before and after a scan, at least, over which a way says the direction
 SHOWN = 0.9  # quantile of the intervals of all scans that is the extent: single scans are joined with others' points
 ROUNDS = 2  # the heading needs centres, the centres a heading
 ASKEW = 0.5  # sine of the angle to the line of sight, from which on a body's end is at its left or right side
@@ -115,7 +113,7 @@ def headings(first: Rows, times: Array, path: Array, yaw: Array, length: Array) 
     """
     body = np.repeat(np.arange(len(first) - 1), np.diff(first))
     half = 0.5 * np.nan_to_num(_usual(first, np.where(length > 0.0, length, np.nan)))[body]
-    ways = _ways(first, times, path, half) @ (1.0, 1.0j)
+    ways = ways_around(first, times, path, half) @ (1.0, 1.0j)
     out, is_told = np.angle(ways), np.abs(ways) > np.maximum(half, SURE * NOISE)
     for begin, end in pairwise(first):
         told = begin + np.flatnonzero(is_told[begin:end])
@@ -129,30 +127,6 @@ def headings(first: Rows, times: Array, path: Array, yaw: Array, length: Array) 
     off = 0.25 * np.angle(np.exp(4j * (yaw - out)))
     agree = np.abs(off) < SURE * np.hypot(of_motion, of_side)
     return out + np.where(agree, off * of_motion**2 / (of_motion**2 + of_side**2), 0.0)
-
-
-@kernel
-def _ways(first, times, path, reach):  # type: ignore[no-untyped-def]
-    """Return (R, 2) metres: how far bodies go from before to after each row, where `AROUND` and `reach` (R,) end.
-
-    A body does not turn on the spot: what its centre does within half of its own length says nothing of its heading.
-    """
-    out = np.zeros((len(times), 2))
-    for k in range(len(first) - 1):
-        for i in range(first[k], first[k + 1]):
-            low = high = i
-            while low > first[k] and _is_near(times, path, i, low, reach[i]):
-                low -= 1
-            while high < first[k + 1] - 1 and _is_near(times, path, i, high, reach[i]):
-                high += 1
-            out[i] = path[high, :2] - path[low, :2]
-    return out
-
-
-@kernel
-def _is_near(times, path, i, j, reach):  # type: ignore[no-untyped-def]
-    """Return whether rows `i` and `j` of a path are less than `AROUND` seconds or `reach` metres apart."""
-    return abs(times[i] - times[j]) < AROUND or np.hypot(path[j, 0] - path[i, 0], path[j, 1] - path[i, 1]) < reach
 
 
 def shown_intervals(tracks: Tracks, scans: Scans, parts: Tracks, workers: int) -> Intervals:

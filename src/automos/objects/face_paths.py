@@ -6,7 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.kernels import kernel
-from automos.objects.motion import smooth_paths
+from automos.objects.looks import MEMORY
+from automos.objects.motion import smooth_paths, ways_around
 from automos.objects.tracker import LONGEST_STEP
 
 Array = npt.NDArray[np.float64]
@@ -15,8 +16,10 @@ SLIDES = 3.0  # how much faster than the sensor segments of scenery slide, at mo
 _MOMENTS = 64  # of a path that are looked at, at most
 
 
-def path_terms(first: npt.NDArray[np.int64], times: Array, faces: Array) -> tuple[Array, Array, Array]:
+def path_terms(first: npt.NDArray[np.int64], times: Array, faces: Array) -> tuple[Array, Array, Array, Array]:
     """Return (T,) each: scatter of centres, metres, and two logarithms: of unsteady heights, and of a track's way.
+
+    The last is (R,), metres, how far each goes in a second about a sight.
 
     The way from first to last counts in standard deviations of the centres about their smoothed path, as segments of
     scenery slide and jump while they come into sight. Two sights show no scatter: some path goes through any two.
@@ -33,7 +36,18 @@ def path_terms(first: npt.NDArray[np.int64], times: Array, faces: Array) -> tupl
     way, is_there = np.zeros(len(n)), n > 0
     way[is_there] = np.linalg.norm((path[first[1:][is_there] - 1] - path[begin[is_there]])[:, :2], axis=1)
     scatter = np.sqrt(squared[0] + squared[1]) + LEAST_SCATTER
-    return scatter, np.log1p(unsteady), np.log1p(way * np.sqrt(np.maximum(n - 2.0, 0.0)) / scatter)
+    gone = np.linalg.norm(ways_around(first, times, path, np.zeros(len(path))), axis=1)
+    return scatter, np.log1p(unsteady), np.log1p(way * np.sqrt(_averaged(first, times, 2)) / scatter), gone
+
+
+def _averaged(first: npt.NDArray[np.int64], times: Array, free: int) -> Array:
+    """Return (T,) how many sights say where a path ends: all but `free` that any path fits, of `MEMORY` at most.
+
+    What slid when it came into sight has not gone farther once it stood for minutes.
+    """
+    n, at = np.diff(first), np.append(times, 0.0)
+    duration = np.where(n > 0, at[first[1:] - 1] - at[first[:-1]], 0.0)
+    return np.maximum(n - free, 0.0) * MEMORY / np.maximum(duration, MEMORY)
 
 
 def way_beyond(
@@ -63,7 +77,7 @@ def way_beyond(
         scatter = np.sqrt(np.bincount(track[rows], off, len(n)) / np.maximum(n, 1)) + LEAST_SCATTER
         sight = np.cumsum(np.diff(times[rows], prepend=0.0) >= LONGEST_STEP)
         _farthest(at, path, own[rows], sight, way[side], beyond[side])
-        beyond[side] *= np.sqrt(np.maximum(n - 3.0, 0.0)) / scatter
+        beyond[side] *= np.sqrt(_averaged(at, times[rows], 3)) / scatter
     return np.where((way[0] * way[1]).sum(axis=1) > 0.0, np.log1p(beyond.min(axis=0)), 0.0)
 
 

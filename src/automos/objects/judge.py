@@ -13,7 +13,8 @@ which it comes or leaves outweigh those, as a chain has both.
 
 *Moves now* follows from the velocity of the body's box (`moving_now`).
 
-Scans within a look are not independent and count by the time between them.
+Scans within a look are not independent and count by the time between them; and by the way, as other rays meet a body
+that is elsewhere, which even a lorry is once it has gone its length.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from scipy.special import expit, logit
 from automos.core.column_data import ColumnData
 from automos.core.scan import Mask
 from automos.objects.face_paths import path_terms, way_beyond
+from automos.objects.kinds import EXTENT, Kind
 from automos.objects.looks import looks, share_first_looks
 from automos.objects.motion import ACCELERATION, NOISE
 from automos.objects.states import later, state_probabilities
@@ -121,10 +123,11 @@ def _weighted(first: npt.NDArray[np.int64], times: Array, said: SegmentTerms, pa
 
     See `path_terms` for these.
     """
-    scatter, unsteady, displaced = path_terms(first, times, said.faces)
+    scatter, unsteady, displaced, gone = path_terms(first, times, said.faces)
     ratio = said.evidence + np.repeat(UNSTEADY * unsteady, np.diff(first))
     worth = looks(first, times, since=past.stamp)
     share_first_looks(worth, first, times, np.isinf(past.stamp))
+    worth *= 1.0 + gone / EXTENT[Kind.LARGE_VEHICLE, 0]
     return ratio * worth, scatter, displaced
 
 

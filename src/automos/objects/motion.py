@@ -19,6 +19,7 @@ Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
 NOISE = 0.15  # metres, standard deviation of a measured box centre
 ACCELERATION = 1.5  # m/s per square root of a second, random walk of the velocity
+AROUND = 0.5  # seconds before and after a scan, at least, over which a way is told
 
 
 def smooth_paths(first: Rows, times: Array, measured: Array) -> tuple[Array, Array, Array]:
@@ -86,3 +87,27 @@ def _smooth_paths(first, times, measured, noise, jerkiness, position, velocity, 
         for axis in range(measured.shape[1]):
             x, v, variance[rows] = smooth(times[rows], measured[rows, axis].copy(), noise, jerkiness)
             position[rows, axis], velocity[rows, axis] = x, v
+
+
+@kernel
+def ways_around(first, times, path, reach):  # type: ignore[no-untyped-def]
+    """Return (R, 2) metres, how far bodies go from before to after each row, where `AROUND` and `reach` (R,) end.
+
+    A body does not turn on the spot: what its centre does within half of its own length says nothing of its heading.
+    """
+    out = np.zeros((len(times), 2))
+    for k in range(len(first) - 1):
+        for i in range(first[k], first[k + 1]):
+            low = high = i
+            while low > first[k] and _is_near(times, path, i, low, reach[i]):
+                low -= 1
+            while high < first[k + 1] - 1 and _is_near(times, path, i, high, reach[i]):
+                high += 1
+            out[i] = path[high, :2] - path[low, :2]
+    return out
+
+
+@kernel
+def _is_near(times, path, i, j, reach):  # type: ignore[no-untyped-def]
+    """Return whether rows `i` and `j` of a path are less than `AROUND` seconds or `reach` metres apart."""
+    return abs(times[i] - times[j]) < AROUND or np.hypot(path[j, 0] - path[i, 0], path[j, 1] - path[i, 1]) < reach

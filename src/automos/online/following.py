@@ -18,6 +18,7 @@ from automos.core.upright_boxes import Boxes
 from automos.objects.detections import Detections
 from automos.objects.extents import Intervals, boxed_intervals, make_whole
 from automos.objects.judge import Past, is_scenery, judge_tracks, moving_now, past_of
+from automos.objects.looks import MEMORY
 from automos.objects.terms import Segments, SegmentTerms, each_for_itself, segment_terms
 from automos.objects.tracker import Tracker, can_follow, until_last_seen
 from automos.objects.tracking import ENOUGH, SCRAP, is_small
@@ -25,8 +26,6 @@ from automos.objects.tracks import Tracks, observed, of_rows
 from automos.objects.verdict import Verdict, Verdicts
 from automos.settings import TrackingSettings
 
-MEMORY = 8.0
-"""Seconds of a track that are kept scan by scan; as many as the lag if that is longer."""
 FEW = 3
 """Scans that make a sight of something, or show how the sensor moves: fewer may be one error."""
 RECENT = 1.0
