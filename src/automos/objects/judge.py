@@ -13,8 +13,8 @@ which it comes or leaves outweigh those, as a chain has both.
 
 *Moves now* follows from the velocity of the body's box (`moving_now`).
 
-Scans within a look are not independent and count by the time between them; and by the way, as other rays meet a body
-that is elsewhere, which even a lorry is once it has gone its length.
+Scans within a look are not independent and count by the time between them. What stood and left is met by other rays, so
+a car's length of its way says as much as a second.
 """
 
 from __future__ import annotations
@@ -44,6 +44,7 @@ DISPLACED, LEFT = 0.9, -2.3  # log-odds of a way: per factor e of it over its st
 SO_FAR = 2.2  # greatest log-odds of a way so far, as scenery slides while other parts of it come into sight
 JUMPS = 0.01  # share of looks in which a body's box says the opposite: it is cut or joined with another
 CHANGE = 0.1  # per second, rates at which movers set off and come to rest
+_APART = 1e5  # metres, more than anything goes in a second
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,8 +128,14 @@ def _weighted(first: npt.NDArray[np.int64], times: Array, said: SegmentTerms, pa
     ratio = said.evidence + np.repeat(UNSTEADY * unsteady, np.diff(first))
     worth = looks(first, times, since=past.stamp)
     share_first_looks(worth, first, times, np.isinf(past.stamp))
-    worth *= 1.0 + gone / EXTENT[Kind.LARGE_VEHICLE, 0]
+    worth *= 1.0 + np.where(_has_stood(first, gone), gone, 0.0) / EXTENT[Kind.CAR, 0]
     return ratio * worth, scatter, displaced
+
+
+def _has_stood(first: npt.NDArray[np.int64], gone: Array) -> Mask:
+    """Return (R,) whether a track stood at that observation or before; it goes `gone` (R,), metres, in a second."""
+    apart = _APART * np.repeat(np.arange(len(first) - 1), np.diff(first))
+    return np.minimum.accumulate(gone - apart) + apart < 2.0 * NOISE
 
 
 def moving_now(tracks: Tracks, verdicts: Verdicts, stamps: Array) -> Tracks:
