@@ -17,9 +17,9 @@ _MOMENTS = 64  # of a path that are looked at, at most
 
 
 def path_terms(first: npt.NDArray[np.int64], times: Array, faces: Array) -> tuple[Array, Array, Array, Array]:
-    """Return (T,) each: scatter of centres, metres, and two logarithms: of unsteady heights, and of a track's way.
+    """Return (T,) scatter of centres, metres, and two logarithms: of unsteady heights, and of a track's way; (R,) ways.
 
-    The last is (R,), metres, how far each goes in a second about a sight.
+    These are metres, how far a track goes in the second about a sight.
 
     The way from first to last counts in standard deviations of the centres about their smoothed path, as segments of
     scenery slide and jump while they come into sight. Two sights show no scatter: some path goes through any two.
@@ -37,7 +37,8 @@ def path_terms(first: npt.NDArray[np.int64], times: Array, faces: Array) -> tupl
     way[is_there] = np.linalg.norm((path[first[1:][is_there] - 1] - path[begin[is_there]])[:, :2], axis=1)
     scatter = np.sqrt(squared[0] + squared[1]) + LEAST_SCATTER
     gone = np.linalg.norm(ways_around(first, times, path, np.zeros(len(path))), axis=1)
-    return scatter, np.log1p(unsteady), np.log1p(way * np.sqrt(_averaged(first, times, 2)) / scatter), gone
+    displaced = np.log1p(way * np.sqrt(_averaged(first, times, 2)) / scatter)
+    return scatter, np.log1p(unsteady), displaced, gone
 
 
 def _averaged(first: npt.NDArray[np.int64], times: Array, free: int) -> Array:

@@ -134,7 +134,7 @@ def _weighted(first: npt.NDArray[np.int64], times: Array, said: SegmentTerms, pa
 
 def _has_stood(first: npt.NDArray[np.int64], gone: Array) -> Mask:
     """Return (R,) whether a track stood at that observation or before; it goes `gone` (R,), metres, in a second."""
-    apart = _APART * np.repeat(np.arange(len(first) - 1), np.diff(first))
+    apart = _APART * np.repeat(np.arange(len(first) - 1), np.diff(first))  # no track has the least of one before
     return np.minimum.accumulate(gone - apart) + apart < 2.0 * NOISE
 
 

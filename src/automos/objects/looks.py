@@ -10,7 +10,7 @@ from automos.core.kernels import kernel
 Array = npt.NDArray[np.float64]
 LOOK = 1.7  # seconds within which scans say the same
 MEMORY = 8.0
-"""Seconds of a track that count scan by scan; as many as the lag if that is longer."""
+"""Seconds of a track that count scan by scan; a stream keeps as many of it, or its lag if that is longer."""
 
 
 def looks(first: npt.NDArray[np.int64], times: Array, look: float = LOOK, since: Array | float = -np.inf) -> Array:

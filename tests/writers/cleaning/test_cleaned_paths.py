@@ -25,6 +25,16 @@ def change(recording, folder, starts):
 
 
 @pytest.mark.slow
+def test_on_a_motorway_the_path_is_better_without_movers(tmp_path):
+    world = simulation.simulate("motorway", "HDL-32E", n_scans=80, seed=5)
+    simulation.write(world, tmp_path / "motorway")
+    drift, rmse, left_out = change(tmp_path / "motorway", tmp_path / "run", starts=1)
+    assert left_out > 0.02
+    assert drift < 0.0
+    assert rmse < 0.0
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [903, 906])
 def test_in_dense_traffic_the_path_is_better_without_movers(tmp_path, seed):
     world = simulation.simulate("avenue", "HDL-64E", n_scans=80, seed=seed)
