@@ -105,6 +105,9 @@ def map_in_shares(
 ) -> list[Result]:
     """Return function(item) for each of `items`, in order, in a few tasks of `pool`: one for each takes longer."""
     items = list(items)
+    shares = min(shares, len(items))
+    if shares < 2:  # not worth a task
+        return list(map(function, items))
     parts = [items[k * len(items) // shares : (k + 1) * len(items) // shares] for k in range(shares)]
     return [found for part in pool.map(lambda part: list(map(function, part)), parts) for found in part]
 
