@@ -37,7 +37,7 @@ from automos.settings import Settings, given_settings
 
 __all__ = ["Labeler", "LabelledScan"]
 
-WARM_UP = 16  # made-up scans that are labelled before the first one
+WARM_UP = 14  # made-up scans that are labelled before the first one: with more, a long search would go on beside it
 _log = logging.getLogger(__name__)
 
 
