@@ -2,6 +2,8 @@
 
 import logging
 import math
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -334,3 +336,17 @@ def test_a_labeler_that_was_warmed_up_gives_the_same_labels(lag):
     given = [g for scan in SCANS[:8] for g in labeler.push(scan)] + labeler.finish()
     for one, other in zip(given, run(SCANS[:8], lag), strict=True):
         np.testing.assert_array_equal(one.labels, other.labels)
+
+
+def test_a_labeler_that_was_warmed_up_compiles_nothing_at_the_first_scans_of_a_sensor_that_turns():
+    first_scans = """
+from numba.core.dispatcher import Dispatcher
+import automos
+from automos.core.made_up_sweep import made_up_sweep
+labeler, compile = automos.Labeler(), Dispatcher.compile
+labeler.warm_up()
+Dispatcher.compile = lambda self, signature: print(self) or compile(self, signature)
+for i in range(3):  # beam by beam, as files have them
+    labeler.push(made_up_sweep(0.1 * i).reshape(-1, 32, 3).swapaxes(0, 1).reshape(-1, 3).astype("f4"), 0.1 * i)
+"""
+    assert subprocess.run([sys.executable, "-c", first_scans], capture_output=True, check=True).stdout == b""

@@ -9,7 +9,7 @@ import psutil
 import pytest
 
 from automos.core.errors import InputError
-from automos.core.parallel import available_cores, checked_workers, map_in_order, one_ahead
+from automos.core.parallel import available_cores, checked_workers, map_in_order, map_in_shares, one_ahead
 
 
 def square(x: int) -> int:
@@ -46,6 +46,10 @@ libc.fflush(None)
 
 
 @pytest.mark.skipif(not (sys.platform == "linux" and hasattr(ctypes.CDLL(None), "malloc_info")), reason="no glibc")
+def test_a_few_items_need_no_task():
+    assert map_in_shares(None, square, range(7)) == [0, 1, 4, 9, 16, 25, 36]  # type: ignore[arg-type]
+
+
 def test_threads_share_one_heap_where_they_are_asked_to():
     def heaps(call: str) -> int:
         script = HEAPS_OF_THREADS.format(call)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import time
 from contextlib import ExitStack
 from functools import partial
@@ -91,6 +92,8 @@ def _ready_labeler(settings: Settings, lag: float, is_compensated: bool | None =
     console.print(LINE if is_cold() else "getting ready", markup=False)
     labeler = Labeler(settings, lag=lag, is_compensated=is_compensated)
     labeler.warm_up()
+    gc.collect()
+    gc.freeze()  # to look through all that is loaded takes as long as a scan
     return labeler
 
 

@@ -103,8 +103,13 @@ def map_in_order(
 def map_in_shares(
     pool: ThreadPoolExecutor, function: Callable[[Item], Result], items: Iterable[Item], shares: int = 4
 ) -> list[Result]:
-    """Return function(item) for each of `items`, in order, in a few tasks of `pool`: one for each takes longer."""
+    """Return function(item) for each of `items`, in order, in a few tasks of `pool`: one for each takes longer.
+
+    So do tasks for the few items of a scan in a stream: each waits for the interpreter's lock.
+    """
     items = list(items)
+    if len(items) < 2 * shares:
+        return list(map(function, items))
     parts = [items[k * len(items) // shares : (k + 1) * len(items) // shares] for k in range(shares)]
     return [found for part in pool.map(lambda part: list(map(function, part)), parts) for found in part]
 

@@ -29,8 +29,7 @@ from automos.odometry.timing import TimingChoice
 from automos.odometry.window import Window
 from automos.settings import OdometrySettings
 
-REMADE = 40
-"""Scans that are registered again, at most."""
+REMADE = 40  # scans that are registered again, at most
 ALIKE = 0.9  # of the best start's share of surfels on surfaces, from which on another start is as good
 SPEED_SCANS = 3
 """Scans in which the speed is first searched."""
@@ -200,13 +199,14 @@ class Odometry:
         """
         if len(self.path.starts) < 2:
             return self.path.twist
-        last, paths = list(self._last), list[Path]()
-        for twist in (self.path.twist, *self.path.starts[1:]):
-            paths.append(self._new_path(self.path.timing, twist=twist, T_world_first=last[0][1]))
-            for timed, _ in last:
-                paths[-1].push(timed)
-        best = max(paths, key=lambda path: path.share)
-        return best.twist if paths[0].share < ALIKE * best.share else self.path.twist
+        first_two, twists = list(self._last), (self.path.twist, *self.path.starts[1:])
+        tried = [self._follow_again(first_two, self.path.timing, twist) for twist in twists]
+        for one in tried:
+            one.follow(len(first_two))
+        for one in tried:
+            one.advance()
+        best = max((one.path for one in tried), key=lambda path: path.share)
+        return best.twist if tried[0].path.share < ALIKE * best.share else self.path.twist
 
     def _searched(self, now: float) -> Stamped | None:
         """Return the last scans at another speed if a search has found one; and plan the next search.

@@ -125,14 +125,14 @@ def _score_planes(points, covariance, normals, heights):  # type: ignore[no-unty
     """
     lying, standing = np.zeros(len(normals)), np.zeros(len(normals))
     for j in range(len(normals)):
+        normal = normals[j, 0], normals[j, 1], normals[j, 2]  # numbers: a row of an array would be counted who holds it
         for i in range(len(points)):
-            d = heights[j]
-            for k in range(3):
-                d += normals[j, k] * points[i, k]
+            d = heights[j] + normal[0] * points[i, 0] + normal[1] * points[i, 1] + normal[2] * points[i, 2]
             if d < -3.0 * DISTANCE:
                 lying[j] -= 2.0
             elif abs(d) < STANDING:
-                is_flat = variance_along(covariance[i], normals[j]) < FLAT * FLAT
+                c = covariance[i]
+                is_flat = variance_along((c[0], c[1], c[2], c[3], c[4], c[5]), normal) < FLAT * FLAT
                 if is_flat and abs(d) < DISTANCE:
                     lying[j] += 1.0
                 elif d > 0.0 and not is_flat:

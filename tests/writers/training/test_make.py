@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from glob import glob
 
 import numpy as np
 import pytest
@@ -164,7 +165,8 @@ def test_what_cannot_be_is_said_in_a_sentence(run, tmp_path):
         (([run], out, "helimos", "voc"), "universal, mos"),
         (([run], out, "helimos", "mos", {"street": "validation"}), "train, valid, test"),
         (([run], out, "helimos", "mos", {"lane": "valid"}), "no such recording; there are: street"),
-        (([run], tmp_path / "velodyne" / "set", "helimos"), "'velodyne'"),
+        (([run], tmp_path / "velodyne" / "set", "helimos"), "without 'velodyne'"),
+        (([run], tmp_path / "set [1]", "helimos"), r"without '\['"),
     ):
         with pytest.raises(InputError, match=match):
             make_training_set(*arguments)
@@ -190,6 +192,16 @@ def test_recordings_of_one_name_are_kept_apart(run, tmp_path):
     twin = deskewed(make_run(tmp_path / "twin"))
     make_training_set([run, twin], tmp_path / "set", "helimos")
     assert {path.name for path in (tmp_path / "set").iterdir() if path.is_dir()} == {"street-50", "street-51"}
+
+
+def test_recordings_whose_names_are_patterns_or_look_numbered_are_found_and_kept_apart(tmp_path):
+    names = ("log [1]*", "street", "street", "street-51", "street-52")
+    runs = [deskewed(make_run(tmp_path / str(k), name)) for k, name in enumerate(names)]
+    made = make_training_set(runs, tmp_path / "set", "helimos", splits={"log [1]*": "valid"})
+    assert len({member.name for member in made.members}) == len(names)
+    for member in made.members:  # as HeLiMOS's loader does
+        assert len(glob(f"{tmp_path}/set/{member.name}/velodyne/*.bin")) == len(KEPT)
+    assert made.members[0].split == "valid"
 
 
 def test_like_sensors_share_an_image_that_holds_the_rays_of_both(run):

@@ -7,6 +7,7 @@ Beside them lie the files that tell trainers of classes, splits and sensors, and
 back to its recording. Recordings of different sensors are told of in different files, as a range image is of one.
 """
 
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -94,8 +95,10 @@ def make_training_set(
     for value, known, what in ((layout, LAYOUTS, "layout"), (ids, tuple(IDS), "ids")):
         if value not in known:
             raise InputError(f"--{what} {value}: there is no such; there are {', '.join(known)}")
-    if "velodyne" in str(out.absolute()):
-        raise InputError(f"{out}: trainers replace the word 'velodyne' in paths; choose an --out without it")
+    if word := re.search(r"velodyne|[][*?]", str(out.absolute())):
+        raise InputError(
+            f"{out}: in paths, trainers replace 'velodyne' and take []*? for patterns; choose one without {word[0]!r}"
+        )
     for run in runs:
         refuse_folder_of(run.sequence, out)
     members = members_of(runs, splits or {})

@@ -1,5 +1,6 @@
 """The recordings of a data set: what each is called in it, which split it is in, and which sensor it is of."""
 
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -28,7 +29,7 @@ class Member:
     number : int
         Of its sequence, from 50 on.
     name : str
-        Of the recording; with the number where others have the same.
+        Of the recording, as a folder is called that trainers find by a pattern; with the number where others have it.
     split : str
         One of `SPLITS`.
     full_scale : float
@@ -79,19 +80,20 @@ def members_of(runs: Sequence[RunFiles], splits: Mapping[str, str]) -> list[Memb
             raise InputError(f"--split {split}={name}: there is no split {split!r}; there are {', '.join(SPLITS)}")
         if name not in names:
             raise InputError(f"--split {split}={name}: no such recording; there are: {', '.join(sorted(set(names)))}")
-    times = Counter(names)
     members = [
-        Member(
-            run,
-            number,
-            name if times[name] == 1 else f"{name}-{number}",
-            splits.get(name, "train"),
-            full_scale_of(run),
-            _sensor_of(run),
-        )
-        for number, (run, name) in enumerate(zip(runs, names, strict=True), FIRST_NUMBER)
+        Member(run, number, called, splits.get(name, "train"), full_scale_of(run), _sensor_of(run))
+        for number, (run, name, called) in enumerate(zip(runs, names, _folders(names), strict=True), FIRST_NUMBER)
     ]
     return _with_joined_sensors(members)
+
+
+def _folders(names: list[str]) -> list[str]:
+    """Return what folders of recordings with these `names` are called, no two alike, without signs of patterns."""
+    plain = [re.sub(r"[][*?]", "_", name) for name in names]
+    numbered = [f"{name}-{number}" for number, name in enumerate(plain, FIRST_NUMBER)]
+    times = Counter(plain)
+    found = [name if times[name] == 1 else other for name, other in zip(plain, numbered, strict=True)]
+    return found if len(set(found)) == len(found) else numbered
 
 
 def _sensor_of(run: RunFiles) -> ImageSensor:
