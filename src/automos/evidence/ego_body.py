@@ -44,7 +44,8 @@ STEADIEST = 25  # percentile of a part's drift that counts: a hinged part is ste
 MIN_CELLS = 4  # least number of neighbouring rays that meet a part of the body
 _LOOKS = 16  # scans that vote on whether a possible body is world, and show what is connected to it
 _ASKED = 20_000  # greatest number of points of a scan that others vote on
-_LEAST_SHARE = 0.05  # share of hits, or of free-space observations, among the reports; fewer may be errors of the poses
+_WORLD_SHARE = 0.05  # share of hits among the reports above which a cell is world
+_LEAST_SHARE = 0.02  # share of free-space observations among the reports; fewer may be due to errors of the poses
 
 
 def find_ego_body(
@@ -207,7 +208,7 @@ def decide_body(votes: Array, pattern: BeamPattern, reach: Ranges) -> Mask:
     the same few points (a foot on the road), so each cell counts once, however many they are.
     """
     reported, hits, through = votes
-    is_world = (hits > _LEAST_SHARE * reported) & (hits >= through)
+    is_world = (hits > _WORLD_SHARE * reported) & (hits >= through)
     is_through = (through > hits) & (through > _LEAST_SHARE * reported)
     v, u = np.nonzero((reach > 0.0) & ~is_world)
     part, n_parts = parts_of(directions(pattern, v, u) * reach[v, u][:, None])

@@ -109,12 +109,11 @@ class FreeSpace:
 def partners_of(stamp: float, stamps: Array, is_far: Mask, settings: FreeSpaceSettings) -> Rows:
     """Return which scans at `stamps` (N,) report on the one at `stamp`: the nearest to each span, in order.
 
-    The scan itself is not among them. Over spans of which `far_step` is less than the tolerance, only the scans
-    `is_far` (N,) report, which are so far apart: few images must be kept for long. At the start of a stream, where none
-    is near a span, the nearest reports.
+    The scan itself is not among them. Over longer spans only the scans `is_far` (N,) report. They are `far_step` apart,
+    so that few images must be kept for long. At the start of a stream, where none is near a span, the nearest reports.
     """
     spans = spans_of(settings)
-    is_long = spans > near_span(settings)
+    is_long = spans > settings.far_from
     near_ids = _nearest(stamp, stamps, np.arange(len(stamps)), spans[~is_long])
     chosen = np.union1d(near_ids, _nearest(stamp, stamps, np.flatnonzero(is_far), spans[is_long]))
     chosen = chosen[stamps[chosen] != stamp]
@@ -131,11 +130,6 @@ def spans_of(settings: FreeSpaceSettings) -> Array:
     while (longer := spans[-1] + max(SHORTEST, spans[-1] / 3.0)) < settings.longest_span:
         spans.append(longer)
     return np.array(spans)
-
-
-def near_span(settings: FreeSpaceSettings) -> float:
-    """Return the seconds up to which every scan may report, and not only those that are `far_step` apart."""
-    return settings.far_step / SPAN_TOLERANCE
 
 
 def _nearest(stamp: float, stamps: Array, ids: Rows, spans: Array) -> Rows:

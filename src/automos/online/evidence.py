@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from automos.core.geometry import inverse
 from automos.core.scan import Pose
-from automos.evidence.free_space import SPAN_TOLERANCE, ask, near_span, partners_of
+from automos.evidence.free_space import SPAN_TOLERANCE, ask, partners_of
 from automos.evidence.observations import Seen, View
 from automos.settings import FreeSpaceSettings
 
@@ -69,7 +69,7 @@ class EvidenceWindow:
     def forget(self, stamp: float) -> None:
         """Drop scans not needed at `stamp` or later, and the points of all earlier scans."""
         reach = 1.0 + SPAN_TOLERANCE
-        near, far = stamp - reach * near_span(self._settings), stamp - reach * self._settings.longest_span
+        near, far = stamp - reach * self._settings.far_from, stamp - reach * self._settings.longest_span
         self._scans = [scan for scan in self._scans if scan.stamp >= (far if scan.is_far else near)]
         for scan in self._scans:
             if scan.stamp < stamp and len(scan.seen.kind):

@@ -31,6 +31,7 @@ class FreeSpaceSettings(Group):
     longest_span: float = Field(
         8.0, gt=0, description="s, between scans that are compared, at most; more finds what waits, and takes longer"
     )
+    far_from: float = Field(2.5, gt=0, description="s, longer spans use only scans far_step apart; more needs memory")
     far_step: float = Field(0.4, gt=0, description="s, between scans for long spans; larger values use less memory")
     hit: float = Field(
         0.25,

@@ -37,7 +37,6 @@ BECAME = {
     "network.scene_flow": "see automos.network.rivals; remove it",
     "self_training": "labels were no better with a network's probabilities; remove it",
     "candidates.free_space.spans": "they follow from candidates.free_space.longest_span",
-    "candidates.free_space.far_from": "it follows from candidates.free_space.far_step; remove it",
     "candidates.free_space.margin": "candidates.free_space.hit says it, too; remove it",
     "candidates.free_space.margin_per_metre": "candidates.free_space.hit_per_metre says it, too; remove it",
     "instances.components.segments.gap_columns": "set instances.components.segments.gap_rays",
