@@ -50,7 +50,7 @@ JUDGE, TERMS, PAIRS = (f"automos.objects.{module}" for module in ("judge", "term
 BODY = "automos.evidence.ego_body"
 CHOICES: dict[str, dict[str, Any]] = {
     "everything": {},
-    "evidence of 1 s only": {"candidates.free_space.spans": [0.2, 0.4, 0.6, 0.8, 1.0]},
+    "evidence of 1 s only": {"candidates.free_space.longest_span": 1.0},
     "a lone point seen through counts in full": {"candidates.free_space.lone_weight": 1.0},
     "ERASOR instead of free space": {"candidates.method": "erasor"},
     "HDBSCAN instead of components": {"instances.method": "hdbscan"},

@@ -254,7 +254,7 @@ STAGES = ["odometry", "candidates", "instances", "tracking", "labels"]
     ("key", "value", "first_changed"),
     [
         ("odometry.max_range", 60.0, "odometry"),
-        ("candidates.free_space.margin", 0.3, "candidates"),
+        ("candidates.free_space.hit", 0.3, "candidates"),
         ("instances.hdbscan.min_points", 9, "instances"),
         ("tracking.max_misses", 2, "tracking"),
         ("labels.moving", "now", "labels"),

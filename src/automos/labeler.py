@@ -26,6 +26,7 @@ from automos.core.errors import InputError
 from automos.core.made_up_sweep import made_up_sweep
 from automos.core.parallel import available_cores, checked_workers, one_ahead
 from automos.core.scan import Pose, Scan
+from automos.odometry.clock import USUAL_PERIOD
 from automos.online.guard import Guard
 from automos.online.intake import LONGEST_GAP, Intake, Kind, Taken
 from automos.online.labelled_scan import LabelledScan
@@ -116,8 +117,8 @@ class Labeler:
         """Load what labelling needs, or compile it (up to a minute): then the first scan is as fast as others."""
         labeler = Labeler(self.settings, lag=self.lag, threads=self._threads)
         for i in range(WARM_UP):
-            in_any_order = np.random.default_rng(i).permutation(made_up_sweep(0.1 * i))  # its timing takes most to find
-            labeler.push(in_any_order.astype(np.float32), 0.1 * i)
+            sweep, stamp = made_up_sweep(USUAL_PERIOD * i).astype(np.float32), USUAL_PERIOD * i
+            labeler.push(np.random.default_rng(i).permutation(sweep), stamp)  # in any order timing takes most to find
         labeler.finish()
 
     def push(self, scan: Scan | npt.ArrayLike, stamp: float | None = None) -> list[LabelledScan]:

@@ -7,7 +7,7 @@ from automos.core.beam_pattern import learn_pattern
 from automos.core.range_image import find_neighbours, make_image, project
 from automos.evidence.look_through import BENEATH, BLOCKED, EDGE, HIT, THROUGH, UNSEEN, WEAK, look_through
 
-TOLERANCES = tuple(np.float32(x) for x in (0.2, 0.005, 0.25, 0.005, 0.2))
+TOLERANCES = tuple(np.float32(x) for x in (0.25, 0.005, 0.2))
 NO_MOTION = np.zeros(6, np.float32)
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from automos.core.upright_boxes import Boxes
 from automos.objects.detections import Detections
-from automos.objects.judge import SO_FAR, Past, is_scenery, judge_tracks, moving_now
+from automos.objects.judge import LEFT, Past, is_scenery, judge_tracks, moving_now
 from automos.objects.terms import Segments, segment_terms
 from automos.objects.tracks import Tracks
 from automos.objects.verdict import Verdict, Verdicts
@@ -153,7 +153,7 @@ def test_while_more_scans_come_a_way_speaks_for_motion_and_none_says_nothing():
     assert stands > confidence_on(center=0.0 * STRAIGHT, moved=0.02, stayed=0.5)
     slides = so_far(center=STRAIGHT, is_hidden=True)
     odds = slides / (1.0 - slides) * (1.0 - stands) / stands
-    assert np.log(odds) == pytest.approx(SO_FAR, abs=0.2)
+    assert np.log(odds) == pytest.approx(-LEFT, abs=0.2)
     assert slides < drives < confidence_on(center=STRAIGHT, moved=0.02, stayed=0.5)
 
 

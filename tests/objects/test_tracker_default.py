@@ -103,6 +103,17 @@ def test_a_car_that_halts_is_seen_whole_beside_the_piece_that_the_evidence_left_
     assert all(scans[s].boxes.size[j, 0] == CAR[0] for s, j in zip(car.scan, car.segment, strict=True))
 
 
+def test_who_passes_a_post_does_not_become_it():
+    # for two scans each of them is nearer to where the other was expected
+    person = [0.12 * i - 1.2 for i in range(20)]
+    scans = [seen((x, 0.0, PERSON, MOVED), (0.0, 0.35, POLE, STAYED)) for x in person]
+    for i in (10, 11):
+        scans[i] = seen((person[i], 0.35, PERSON, MOVED), (0.0, 0.0, POLE, STAYED))
+    found = ways(scans, track(scans))
+    assert len(found) == 2
+    assert sorted(abs(way[19] - way[0]) for way in found) == pytest.approx([0.0, 19 * 0.12], abs=0.01)
+
+
 def test_a_car_that_waits_is_known_again_when_the_one_beside_it_has_gone():
     # for three scans the two hang together in one segment
     scans = [seen((x, 0.0, CAR, STAYED if i >= 50 else MOVED)) for i, x in enumerate(brakes())]

@@ -29,7 +29,6 @@ def test_the_preset_named_paper_has_the_values_of_the_paper():
     settings = load_settings("paper")
     hdbscan, association = settings.instances.hdbscan, settings.tracking.association
     assert (hdbscan.epsilons, hdbscan.min_points, hdbscan.max_side) == ((2.0, 1.0, 0.5, 0.25), 5, 20.0)
-    assert (association.weight_distance, association.weight_overlap, association.weight_volume) == (1.0, 1.0, 1.0)
     assert (association.max_distance, association.max_overlap_cost, association.max_volume_cost) == (2.0, 0.95, 0.7)
     assert settings.tracking.max_misses == 5
     assert settings.candidates.method == "erasor"
@@ -165,7 +164,7 @@ def test_names_of_settings_are_unique_within_their_group_and_dumped_in_order():
         "tracking: {max_misses: -1}",
         "tracking: {max_miss: 3}",
         "tracking: 3",
-        "candidates: {free_space: {spans: [.inf]}}",
+        "candidates: {free_space: {longest_span: .inf}}",
     ],
 )
 def test_a_value_in_a_file_that_is_not_possible_is_told_with_the_file(tmp_path, text):

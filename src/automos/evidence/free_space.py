@@ -33,7 +33,8 @@ Rows = npt.NDArray[np.int64]
 Net = npt.NDArray[np.float32]
 _Look = tuple[npt.NDArray[np.float32], RangeImage]
 PATTERN_SCANS = 5  # of which the beams are learnt
-_PARTS, _PART = 4, 6000  # most parts of a scan for threads, and least points in a part, which pay for its overhead
+_PART = 6000  # least points of a scan in a part for a thread, which pay for its overhead
+SHORTEST = 0.2  # seconds: the first span
 SPAN_TOLERANCE = 0.25  # share of a span by which the time of the asked scan may be off
 SURE_HITS = 2  # number of hits, without any free-space observation, after which no more scans are asked
 
@@ -89,7 +90,7 @@ class FreeSpace:
 
     def _start_look(self, index: int, grounds: dict[int, Future[GroundMap]], pool: ThreadPoolExecutor) -> Future[Seen]:
         """Start the look at a scan, after those of `grounds` that it needs and that are missing."""
-        reach = self.stamps[index] - max(self.settings.free_space.spans)  # what was before a pause is not asked
+        reach = self.stamps[index] - self.settings.free_space.longest_span  # what was before a pause is not asked
         needed = range(max(index - SCANS_BEFORE, int(np.searchsorted(self.stamps, reach))), index + 1)
         for k in needed:
             if k not in grounds:
@@ -111,7 +112,7 @@ def partners_of(stamp: float, stamps: Array, is_far: Mask, settings: FreeSpaceSe
     The scan itself is not among them. Over longer spans only the scans `is_far` (N,) report. They are `far_step` apart,
     so that few images must be kept for long. At the start of a stream, where none is near a span, the nearest reports.
     """
-    spans = np.asarray(settings.spans)
+    spans = spans_of(settings)
     is_long = spans > settings.far_from
     near_ids = _nearest(stamp, stamps, np.arange(len(stamps)), spans[~is_long])
     chosen = np.union1d(near_ids, _nearest(stamp, stamps, np.flatnonzero(is_far), spans[is_long]))
@@ -121,6 +122,14 @@ def partners_of(stamp: float, stamps: Array, is_far: Mask, settings: FreeSpaceSe
         away[away == 0.0] = np.inf
         chosen = np.flatnonzero((away == away.min()) & (away <= spans.max()))[:1]
     return chosen
+
+
+def spans_of(settings: FreeSpaceSettings) -> Array:
+    """Return (S,) seconds between scans that are compared: each longer than the one before by the first, or a third."""
+    spans = [SHORTEST]
+    while (longer := spans[-1] + max(SHORTEST, spans[-1] / 3.0)) < settings.longest_span:
+        spans.append(longer)
+    return np.array(spans)
 
 
 def _nearest(stamp: float, stamps: Array, ids: Rows, spans: Array) -> Rows:
@@ -149,7 +158,7 @@ def ask(
     net = np.zeros(len(mine.kind), np.float32)
     for view in mine.views:
         heights = mine.height[view.rows][view.is_object]
-        n_parts = 1 if pool is None else max(min(_PARTS, len(heights) // _PART), 1)
+        n_parts = 1 if pool is None else max(len(heights) // _PART, 1)
         bounds = np.linspace(0, len(heights), n_parts + 1).astype(int)
         parts = [slice(a, b) for a, b in pairwise(bounds)]
         looked = [_looks_into(view, other) for other in others]
@@ -175,7 +184,7 @@ def _ask_part(
     trusts = np.where(mine.is_supported[part], 1.0, settings.lone_weight)
     about = [np.linalg.norm(points, axis=0), heights[part], trusts]
     # Asked first is about every third; points that these scans agree to have hit have stayed.
-    thirds = np.sort(settings.spans)[::-3]
+    thirds = spans_of(settings)[::-3]
     first = {int(np.argmin(np.abs(offsets - span))) for span in (*thirds, *-thirds) if others}
     votes = np.zeros((len(others), len(trusts)), np.int8)
     for k in first:

@@ -22,12 +22,10 @@ START_RANGE = 10.0  # metres: range within which the initial height of the groun
 STEP = 0.12  # metres: step by which ground may rise or fall (a kerb)
 MAX_BEND = 0.06  # metres per metre: greatest change of the ground's slope
 MAX_SLOPE = 0.35  # steepest ground, rise over run
-SLOPING = 0.05  # rise over run of the ground around the sensor, below which sectors start level
 PLANE_SPREAD, PLANE_ROUNDS = 0.2, 6
 """Metres from the plane around the sensor beyond which cells count little, and iterations of its fit."""
 PLANE_LEAD = 1.5
 """Least ratio of the cells on that plane, which are most, to those at the start height: in traffic no plane fits."""
-GHOST_DEPTH = 0.15  # metres: a point this far below the sight line over nearer ground is a mirror image
 LYING, BESIDE = 0.1, 15
 """Least share of sectors, of all and of those that many sectors beside one, in which ground lies at two ranges: it is
 flat there, and not the feet of things that stand on what is not seen."""
@@ -96,7 +94,7 @@ def _start(lowest: npt.NDArray, cell: float) -> tuple[float, Array]:
     start = float(np.percentile(lows[np.isfinite(lows)], 30))
     on_plane, on_level = (np.count_nonzero(np.abs(heights - z) < STEP) for z in (ground @ plane, start))
     is_plane = on_plane > max(0.5 * len(heights), PLANE_LEAD * on_level)
-    if is_plane and SLOPING < np.hypot(*plane[:2]) < MAX_SLOPE:
+    if is_plane and np.hypot(*plane[:2]) < MAX_SLOPE:
         return float(plane[2]), directions @ plane[:2]
     return start, level
 
@@ -177,7 +175,7 @@ def _walk_outwards(lowest, highest, start, slopes, ring):  # type: ignore[no-unt
             weight = min(ahead / 4.0, 0.5)
             slope = (1.0 - weight) * slope + weight * new_slope if r_last > 0.0 else slopes[j]
             z, r_last = low, r
-            sight = max(sight, (low - GHOST_DEPTH) / r)
+            sight = max(sight, (low - STEP) / r)
     return is_ground
 
 

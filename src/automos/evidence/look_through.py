@@ -21,7 +21,7 @@ _FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}  # fast arithmetic, but fo
 def tolerances_of(settings: FreeSpaceSettings) -> tuple[np.float32, ...]:
     """Return the tolerances of `look_through`."""
     s = settings
-    return tuple(np.float32(x) for x in (s.margin, s.margin_per_metre, s.hit, s.hit_per_metre, s.clear_width))
+    return tuple(np.float32(x) for x in (s.hit, s.hit_per_metre, s.clear_width))
 
 
 @kernel
@@ -32,7 +32,7 @@ def look_through(points, T, image, tolerances):  # type: ignore[no-untyped-def]
     ----------
     points : (3, K) float32, contiguous.   T : (3, 4) float32, from their frame to the other sensor's at mid-sweep.
     image : RangeImage of the other scan.
-    tolerances : (5,) float32, margin behind a point, its growth per metre, hit, its growth per metre, clear width.
+    tolerances : (3,) float32, distance within which a ray hits a point, its growth per metre, clear width.
 
     Returns
     -------
@@ -40,7 +40,7 @@ def look_through(points, T, image, tolerances):  # type: ignore[no-untyped-def]
 
     Equation: vote
     """
-    margin, margin_per_metre, hit, hit_per_metre, clearance = tolerances
+    hit, hit_per_metre, clearance = tolerances
     pattern, pyramid, per_unit = image.pattern, image.pattern.pyramid, np.float32(1.0 / UNIT)
     h, w = pattern.n_rows, pattern.n_columns
     n_points = points.shape[1]
@@ -60,8 +60,8 @@ def look_through(points, T, image, tolerances):  # type: ignore[no-untyped-def]
             if far == np.float32(0.0):
                 continue
             q = r * per_unit
-            behind = q + (margin + margin_per_metre * r) * per_unit
             tolerance = (hit + hit_per_metre * r) * per_unit
+            behind = q + tolerance
             if q - tolerance > far:
                 codes[i] = BLOCKED
             elif q + tolerance >= near and (far - near < tolerance or _is_hit(image.rays, v, u, q, tolerance)):

@@ -19,7 +19,6 @@ Ranges = npt.NDArray[np.float32]
 ATTACHED_SHARE = 0.3  # least share of a connected part that must lie on the body for the whole part to belong to it
 N_SECTORS, SWING = 24, 2
 """Sectors of azimuth, for each of which an extent is learnt, and by how many a trailer may swing to each side."""
-SLACK = np.float32(1.1)  # factor on the median over scans of the farthest connected point
 _CONNECTED = 0.14  # voxel by which points connect; their ranges enter by logarithms, as returns spread with range
 
 
@@ -44,7 +43,7 @@ def extent_in(points: Points, is_ground: Mask, reach: Ranges, pattern: BeamPatte
 def extent_in_most(farthest: Sequence[Ranges]) -> Ranges:
     """Return (N_SECTORS,) the range, metres, up to which most scans have connected points, from that of each scan."""
     swept = np.max([np.roll(farthest, k, axis=1) for k in range(-SWING, SWING + 1)], axis=0)
-    return SLACK * np.median(swept, axis=0)
+    return np.median(swept, axis=0)
 
 
 def _with_connected(points: Points, is_ground: Mask, reach: Ranges, pattern: BeamPattern, extent: Ranges) -> Mask:

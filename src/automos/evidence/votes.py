@@ -44,7 +44,7 @@ def weigh_looks(codes, ranges, own_ranges, heights, trusts, row_height):  # type
             if heights[i] > -MAX_STEP:  # the ground is uncertain further below
                 vote *= min(max(0.5 * heights[i] / (row_height * ranges[i]), 0.0), 1.0)
             if codes[i] == WEAK:
-                vote *= min(max(ratio / 0.4 - 1.0, 0.0), 1.0)
+                vote *= min(max(2.0 * ratio - 1.0, 0.0), 1.0)
             votes[i] = np.int8(ONE * trusts[i] * vote + 0.5)
     return votes
 

@@ -21,9 +21,9 @@ are: two solid objects cannot be in one place, and the centre of a lorry jumps b
 MAX_COUNT_RATIO = 5.0  # greatest ratio of the numbers of points
 SIZE_WEIGHT = 4.0  # cost of a change of size, in squared standard deviations
 LEAST_SIDE = 0.1  # metres: of what is thinner, ratios of sides say nothing
-EVIDENCE_WEIGHT = 2.0, 8.0
-"""Cost of a change from all points moving to all static: before the sensor's eyes, where things come to rest, and while
-the object was out of sight. What comes back as a thing that has long stood there is another one."""
+EVIDENCE_WEIGHT = 8.0
+"""Cost of a change from all points moving to all static: what comes back as a thing that has long stood there is
+another one, and a person who passes a post stays one."""
 ANOTHER = 20.0
 """Cost of the alternative to a pair, that the object is not seen and the detection is of another one. So a piece beside
 its own whole, and a scrap that is offered the whole instead, are not swapped because two pairs are more than one."""
@@ -43,15 +43,14 @@ class Objects(kalman.Beliefs):
 
 
 def association_cost(tracked: Boxes, detected: Boxes, settings: AssociationSettings) -> Array:
-    """Return the (K, M) cost C = a_d c_d + a_o c_o + a_v c_v; inf where a gate T_d, T_o or T_v forbids it (`paper`)."""
+    """Return the (K, M) cost C = c_d + c_o + c_v; inf where a gate T_d, T_o or T_v forbids it (`paper`)."""
     c_d = cdist(tracked.center, detected.center)
     c_o = 1.0 - iou_3d(tracked, detected)
     v_i, v_j = tracked.volume[:, None], detected.volume[None, :]
     larger = np.maximum(v_i, v_j)
     c_v = 1.0 - np.divide(np.minimum(v_i, v_j), larger, out=np.zeros_like(c_d), where=larger > 0)
-    cost = settings.weight_distance * c_d + settings.weight_overlap * c_o + settings.weight_volume * c_v
     is_new = (c_d > settings.max_distance) | (c_o > settings.max_overlap_cost) | (c_v > settings.max_volume_cost)
-    return np.where(is_new, np.inf, cost)
+    return np.where(is_new, np.inf, c_d + c_o + c_v)
 
 
 def motion_cost(objects: Objects, found: Detections, noise: FilterSettings, settings: GateSettings) -> Array:
@@ -77,11 +76,8 @@ def motion_cost(objects: Objects, found: Detections, noise: FilterSettings, sett
     growth = (np.abs(before - now) / (1.0 + np.maximum(before, now))).max(axis=-1, initial=0.0)
     # For an object of few points, a difference of a few points has no meaning.
     thinning = np.abs(np.log((objects.count[k] + 3.0) / (found.n_points[j] + 3.0)))
-    in_sight, out_of_sight = EVIDENCE_WEIGHT
-    weight = np.where(objects.misses > 1, out_of_sight, in_sight)  # the scan at hand is the first
-    settling = weight[k] * np.abs(objects.share[k] - found.moving_share[j])
-    is_possible = (squared < settings.gate**2) & (climb < MAX_CLIMB)
-    is_possible &= thinning < np.log(MAX_COUNT_RATIO)
+    settling = EVIDENCE_WEIGHT * np.abs(objects.share[k] - _moving_share(found)[j])
+    is_possible = (squared < settings.gate**2) & (climb < MAX_CLIMB) & (thinning < np.log(MAX_COUNT_RATIO))
     # -2 log of the density's height: whose place is known explains a detection better than whose could be anywhere.
     vagueness = np.log(determinant) - 2.0 * np.log(noise.measurement_variance)
     vagueness -= 2.0 * np.log(_chance(objects.sights, objects.scans))[k]
@@ -96,6 +92,16 @@ def cost_of_none(objects: Objects) -> Array:
     Equation: chance
     """
     return ANOTHER - 2.0 * np.log(_chance(objects.scans - objects.sights, objects.scans))[:, None]
+
+
+def _moving_share(found: Detections) -> Array:
+    """Return (M,) the moving share of each segment: of one that pieces were cut out of, that of the piece that most is.
+
+    Both are what is seen of one thing: a car that halts is still whole when all but a piece of it has stayed.
+    """
+    share, is_piece = found.moving_share.copy(), found.part_of >= 0
+    np.maximum.at(share, found.part_of[is_piece], share[is_piece])
+    return share
 
 
 def _chance(times: Array, of: Array) -> Array:

@@ -108,7 +108,7 @@ def recount(
 
 def _is_consistent(count: npt.NDArray, moved: npt.NDArray, stayed: npt.NDArray, settings: DetectSettings) -> Mask:
     """Return which segments moved according to most of their known points, or have too few stayed points."""
-    return (moved > 0) & (moved >= settings.min_share * (moved + stayed)) | (stayed <= SILENCE * count)
+    return (moved > 0) & (moved >= stayed) | (stayed <= SILENCE * count)
 
 
 def _describe(ids: Ids, seen: ScanPoints, nearest: Nearest, sensor: tuple[float, float]) -> Detections:

@@ -32,7 +32,7 @@ from automos.objects.kinds import EXTENT, Kind
 from automos.objects.looks import looks, share_first_looks
 from automos.objects.motion import ACCELERATION, NOISE
 from automos.objects.states import later, state_probabilities
-from automos.objects.terms import Segments, SegmentTerms, doubted
+from automos.objects.terms import CHANCE, Segments, SegmentTerms, doubted
 from automos.objects.tracks import Tracks
 from automos.objects.verdict import Verdict, Verdicts
 
@@ -41,10 +41,7 @@ Array = npt.NDArray[np.float64]
 BEGIN, END = 0.003, 0.02  # changes of state per second
 UNSTEADY = -0.8  # log-odds of moving per look, per unit of the heights' unsteadiness
 DISPLACED, LEFT = 0.9, -2.3  # log-odds of a way: per factor e of it over its standard deviation, and of none
-SO_FAR = 2.2  # greatest log-odds of a way so far, as scenery slides while other parts of it come into sight
-JUMPS = 0.01  # share of looks in which a body's box says the opposite: it is cut or joined with another
 CHANGE = 0.1  # per second, rates at which movers set off and come to rest
-_APART = 1e5  # metres, more than anything goes in a second
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +87,8 @@ def judge_tracks(tracks: Tracks, segments: Segments, stamps: Array, past: Past |
     ratio, scatter, displaced = _weighted(first, times, said, known)
     _, p_ever = state_probabilities(first, times, ratio, *known.before(first, times), BEGIN, END)
     way = DISPLACED * displaced + LEFT
-    way = way if past is None else np.clip(way, 0.0, SO_FAR)  # what has not gone far may still go
+    if past is not None:  # what has not gone far may still go, and scenery slides as it comes into sight
+        way = np.clip(way, 0.0, -LEFT)
     p_ever = expit(logit(p_ever) + way + DISPLACED * way_beyond(first, times, said.ends, said.sensor))
     p_ever[(np.diff(first) < 2) & np.isinf(known.stamp)] = 0.0
     is_moving = p_ever >= 0.5
@@ -134,8 +132,8 @@ def _weighted(first: npt.NDArray[np.int64], times: Array, said: SegmentTerms, pa
 
 def _has_stood(first: npt.NDArray[np.int64], gone: Array) -> Mask:
     """Return (R,) whether a track stood at that observation or before; it goes `gone` (R,), metres, in a second."""
-    apart = _APART * np.repeat(np.arange(len(first) - 1), np.diff(first))  # no track has the least of one before
-    return np.minimum.accumulate(gone - apart) + apart < 2.0 * NOISE
+    n_stood = np.cumsum(gone < 2.0 * NOISE)
+    return n_stood > np.repeat(np.append(0, n_stood)[first[:-1]], np.diff(first))
 
 
 def moving_now(tracks: Tracks, verdicts: Verdicts, stamps: Array) -> Tracks:
@@ -152,7 +150,7 @@ def moving_now(tracks: Tracks, verdicts: Verdicts, stamps: Array) -> Tracks:
     noise = np.fmin(verdicts.scatter, NOISE)[tracks.track]  # metres, over a second
     stands = -0.5 * squared / noise**2 - 2.0 * np.log(noise)
     times = stamps[tracks.scan]
-    ratio = doubted(moves - stands, JUMPS) * looks(first, times, 2.0 * np.sqrt(NOISE / ACCELERATION))
+    ratio = doubted(moves - stands, CHANCE) * looks(first, times, 2.0 * np.sqrt(NOISE / ACCELERATION))
     even = np.full(len(tracks), 0.5)
     p_moving, _ = state_probabilities(first, times, ratio, even, even, CHANGE, CHANGE)
     p_ever = np.where(verdicts.is_moving, verdicts.confidence, 1.0 - verdicts.confidence)

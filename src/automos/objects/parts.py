@@ -17,7 +17,6 @@ from automos.objects.motion import ACCELERATION
 from automos.objects.tracks import Tracks, counted
 
 Rows = npt.NDArray[np.int64]
-WITHIN = 0.5  # share of its scans in which a part lies within the body's box
 BESIDE = 0.3  # metres around a body's box in which its parts lie
 
 
@@ -40,7 +39,7 @@ def parts_of_bodies(tracks: Tracks, is_moving: Mask, weight: npt.NDArray, times:
     share[~goes_with] = 0.0
     owner = np.arange(len(tracks))
     for k in np.argsort(share, kind="stable"):  # the greatest share comes last and remains
-        if share[k] >= WITHIN:
+        if share[k] >= 0.5:
             owner[pairs[k, 0]] = pairs[k, 1]
     root = owner.copy()
     while not np.array_equal(root, root[root]):  # ends, as each owner is heavier

@@ -30,12 +30,12 @@ def segment_points(
     ray_steps : (2,) float, radians between neighbouring rays, vertically and horizontally.
     """
     s, (row_height, column_width) = settings, (np.float32(step) for step in ray_steps)
-    cell, height_gap, n = np.float32(s.cell), np.float32(s.height_gap), 2 * int(np.ceil(s.max_range / s.cell))
+    cell, height_gap, n = np.float32(s.cell), np.float32(s.gap), 2 * int(np.ceil(s.max_range / s.cell))
     ranges = np.sqrt(np.einsum("ij,ij->i", points, points))
     slot_of, bin_of, slot_of_cell, cells, masks, reach, bounds = _fill_cells(points, heights, ranges, cell, n)
-    allowed = ((height_gap + np.float32(s.height_gap_rows) * row_height * reach) / HEIGHT_BIN).astype(np.int64) + 1
+    allowed = ((height_gap + np.float32(s.gap_rays) * row_height * reach) / HEIGHT_BIN).astype(np.int64) + 1
     first, low, high = _stack(masks, allowed, len(points))
-    gap = np.maximum(np.float32(s.gap), np.float32(s.gap_columns) * column_width * reach)
+    gap = np.maximum(np.float32(s.gap), np.float32(s.gap_rays) * column_width * reach)
     root = _join(n, cells, cell, slot_of_cell, bounds, gap, allowed, first, low, high)
     return _number(slot_of, bin_of, first, high, root)
 

@@ -28,7 +28,7 @@ MOVED, STAYED = (1.02, 0.49, 0.455), (0.18, 0.98, 0.455)
 """Dirichlet distributions of the shares of moved, stayed and unknown points in a scan: of a mover in motion, and of a
 static object."""
 WRONG = 0.001  # share of looks in which the evidence is that of the other state
-CHANCE = 0.01  # share of a segment's points that are moved, and stayed, by mistake
+CHANCE = 0.01  # share of points that are moved, or stayed, by mistake; and of looks at boxes that are cut or joined
 BODY, PIECE, POROUS = 1.8, -3.2, -0.5  # log-odds of moving per look: of all, of pieces, and per unit of porosity
 LEAST_SOLID = 0.1  # lower limit of solidity relative to that of a solid face
 

@@ -25,7 +25,7 @@ from automos.objects.parts import parts_of_bodies
 from automos.objects.places import Places, count_places, held_places, touched_columns
 from automos.objects.terms import Segments, SegmentTerms, each_for_itself, segment_terms
 from automos.objects.tracker import can_follow, track_objects
-from automos.objects.tracks import Tracks, observed, of_rows, of_tracks
+from automos.objects.tracks import AT_ONCE, Tracks, observed, of_rows, of_tracks
 from automos.objects.verdict import Verdict, Verdicts
 from automos.settings import Settings
 
@@ -34,8 +34,6 @@ ENOUGH = 300.0
 neither extent nor path is known, and what is lost and found again in pieces is another thing each time."""
 SCRAP = 0.9
 """Probability from which on such a scrap moves: where poses slip for a moment, everything seems to."""
-_AT_ONCE = 100
-"""Scans after which what was freed goes back: what is kept of each would else lie scattered over all of it."""
 _OF_PARTS = ("track", "scan", "segment", "p_moving")
 
 
@@ -92,7 +90,7 @@ def follow_and_judge(scans: Scans, settings: Settings, workers: int) -> TrackedO
 
     def noted(found: Detections) -> Detections:
         seen.append(segment_terms(found))
-        if len(seen) % _AT_ONCE == 0:
+        if len(seen) % AT_ONCE == 0:
             return_memory()
         return found
 

@@ -13,8 +13,8 @@ import numpy.typing as npt
 from automos.core.column_data import ColumnData
 from automos.core.upright_boxes import Boxes
 
-_AT_ONCE = 100
-"""Tables that are joined at a time."""
+AT_ONCE = 100
+"""Scans after which tables are joined, and what was freed goes back: small arrays lie scattered over all of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,7 @@ class Tracks(ColumnData):
         for part in chain([cls(none, none, none, nowhere, nowhere, np.zeros(0), nowhere)], parts):
             for column, f in zip(columns, fields(cls), strict=True):
                 column.append(getattr(part, f.name))
-                if len(column) > _AT_ONCE:  # thousands of small arrays lie scattered between what is freed
+                if len(column) > AT_ONCE:  # thousands of small arrays lie scattered between what is freed
                     column[:] = [np.concatenate(column)]
         rows = np.lexsort((np.concatenate(columns[1]), np.concatenate(columns[0])))
         return cls(*(np.concatenate(columns.pop(0))[rows] for _ in fields(cls)))  # a column at a time is there twice

@@ -69,7 +69,7 @@ class EvidenceWindow:
     def forget(self, stamp: float) -> None:
         """Drop scans not needed at `stamp` or later, and the points of all earlier scans."""
         reach = 1.0 + SPAN_TOLERANCE
-        near, far = stamp - reach * self._settings.far_from, stamp - reach * max(self._settings.spans)
+        near, far = stamp - reach * self._settings.far_from, stamp - reach * self._settings.longest_span
         self._scans = [scan for scan in self._scans if scan.stamp >= (far if scan.is_far else near)]
         for scan in self._scans:
             if scan.stamp < stamp and len(scan.seen.kind):

@@ -14,17 +14,13 @@ from automos.core.beam_pattern import Lidar, is_known, learn_pattern
 from automos.core.scan import Frame, Pose
 from automos.evidence.ego_body import MIN_SCANS
 from automos.evidence.observations import learn_lidars, with_body
-from automos.odometry.background import BackgroundTask
+from automos.odometry.background import DELAY, BackgroundTask
 from automos.settings import CandidatesSettings
 
 PATTERN_POINTS = 1000
 """Points that a scan needs to learn the sensor's beams from it."""
-APART = 0.6
-"""Initial metres between the scans for the ego body: the search starts after the sensor travelled twice its range."""
 MOST_SCANS = 2 * MIN_SCANS
 """Scans that are kept; beyond this, every second one is dropped."""
-DELAY = 1.0
-"""Seconds of the stream after which the result is used."""
 
 
 class LidarLearner:
@@ -35,7 +31,7 @@ class LidarLearner:
         self.lidars: list[Lidar] = []
         self._settings = settings
         self._apart: list[Frame] = []
-        self._distance = APART
+        self._distance = self._shortest = settings.ego_body.max_range / 16.0  # metres between them
         self._task: BackgroundTask[list[Lidar]] = BackgroundTask(DELAY)
 
     def add(self, frame: Frame) -> None:
@@ -53,7 +49,7 @@ class LidarLearner:
         if self._apart and np.linalg.norm(frame.origin_level - self._apart[-1].origin_level) < self._distance:
             return
         self._apart.append(replace(frame))  # a copy without cached results
-        is_due = len(self._apart) == (MIN_SCANS + 1 if self._distance == APART else MOST_SCANS)
+        is_due = len(self._apart) == (MIN_SCANS + 1 if self._distance == self._shortest else MOST_SCANS)
         if is_due and not self._task.is_started:
             frames, lidars = _FewFrames(self._apart), self.lidars
             self._task.start(lambda: with_body(lidars, frames, self._settings, 1), frame.stamp)
@@ -62,7 +58,7 @@ class LidarLearner:
 
     def forget_poses(self) -> None:
         """Restart with later frames, because the poses of earlier ones are outdated; so is a search among them."""
-        self._apart, self._distance = [], APART
+        self._apart, self._distance = [], self._shortest
         self._task = BackgroundTask(DELAY)
 
 

@@ -28,16 +28,16 @@ class EgoBodySettings(Group):
 class FreeSpaceSettings(Group):
     """Free-space evidence: what was observed free before or after."""
 
-    spans: tuple[float, ...] = Field(
-        (0.2, 0.4, 0.6, 0.8, 1.0, 1.3, 1.7, 2.2, 3.0, 4.0, 5.5, 8.0),
-        min_length=1,
-        description="s, before and after a scan, between scans that are compared; more spans take longer",
+    longest_span: float = Field(
+        8.0, gt=0, description="s, between scans that are compared, at most; more finds what waits, and takes longer"
     )
     far_from: float = Field(2.5, gt=0, description="s, longer spans use only scans far_step apart; more needs memory")
     far_step: float = Field(0.4, gt=0, description="s, between scans for long spans; larger values use less memory")
-    margin: float = Field(0.2, gt=0, description="m that rays must go on behind a point; more finds less free space")
-    margin_per_metre: float = Field(0.005, ge=0, description="m, increase of the margin per metre of range")
-    hit: float = Field(0.25, gt=0, description="m from a point within which a ray hits it again; more finds more hits")
+    hit: float = Field(
+        0.25,
+        gt=0,
+        description="m from a point within which a ray hits it again, and does not go on; more finds more hits",
+    )
     hit_per_metre: float = Field(0.005, ge=0, description="m, increase of that distance per metre of range")
     clear_width: float = Field(0.2, gt=0, description="m, width that must be free; larger values find less free space")
     lone_weight: float = Field(0.25, ge=0, le=1, description="of free space at single points; more adds movers")

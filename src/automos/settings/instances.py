@@ -13,12 +13,10 @@ class SegmentSettings(Group):
 
     cell: float = Field(0.25, gt=0, description="m, side of a cell in the ground plane; larger cells are coarser")
     max_range: float = Field(120.0, gt=0, description="m, half the side of the segmented area; more reaches farther")
-    gap: float = Field(0.4, gt=0, description="m, horizontal gap between segments; larger values join neighbours")
-    gap_columns: float = Field(
-        2.5, ge=0, description="the gap in spacings of neighbouring rays, if that is more; larger values join more"
+    gap: float = Field(0.4, gt=0, description="m between segments; larger values join neighbours")
+    gap_rays: float = Field(
+        2.0, ge=0, description="spacings of rays: of columns, if more than the gap, of rows beside it; more joins more"
     )
-    height_gap: float = Field(0.4, gt=0, description="m, vertical gap between segments; larger values join neighbours")
-    height_gap_rows: float = Field(1.6, ge=0, description="spacings of neighbouring rows of rays, added to height_gap")
 
 
 class HdbscanSettings(Group):
@@ -55,7 +53,6 @@ class DetectSettings(Group):
     )
     min_points: int = Field(3, ge=1, description="points of the smallest object; larger values drop small objects")
     max_side: float = Field(45.0, gt=0, description="m, longest object; larger values keep walls")
-    min_share: float = Field(0.5, ge=0, le=1, description="part of known points that moved; more makes more static")
 
 
 class InstancesSettings(Group):

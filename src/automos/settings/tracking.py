@@ -18,11 +18,8 @@ class FilterSettings(Group):
 
 
 class AssociationSettings(Group):
-    """III-D: the association cost and its gates (values: III-F)."""
+    """III-D: the gates of the association cost, in which distance, overlap and volume weigh the same (III-F)."""
 
-    weight_distance: float = Field(1.0, ge=0, description="alpha_d; more prefers near boxes")
-    weight_overlap: float = Field(1.0, ge=0, description="alpha_o; more prefers overlapping boxes")
-    weight_volume: float = Field(1.0, ge=0, description="alpha_v; more prefers boxes of equal volume")
     max_distance: float = Field(2.0, gt=0, description="m, T_d, predicted to detected centre; more allows more pairs")
     max_overlap_cost: float = Field(0.95, gt=0, le=1, description="T_o, of 1 - IoU; more allows more pairs")
     max_volume_cost: float = Field(0.7, gt=0, le=1, description="T_v, of 1 - smaller / larger volume; more adds pairs")
