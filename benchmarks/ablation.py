@@ -20,7 +20,7 @@ from automos.core.beam_pattern import BeamPattern
 from automos.core.errors import InputError
 from automos.core.scan import Mask, Points
 from automos.odometry import missing_scans, speed
-from automos.odometry.speed import NOTHING, SpeedSearch, search_speed
+from automos.odometry.speed import Landmarks, SpeedSearch, search_speed
 from automos.settings import PRESETS
 
 NEVER = 1e9
@@ -90,8 +90,8 @@ def _without_direction(window: Any, settings: Any, pool: Any = None) -> SpeedSea
     is_known = speed.direction_of(window.steps) is not None
     if is_known:
         return search_speed(window, settings, pool)
-    nothing = np.zeros((len(window) - 1, 3))
-    return SpeedSearch(nothing, nothing, NOTHING, NOTHING)
+    nothing, nowhere = np.zeros((len(window) - 1, 3)), Landmarks(np.zeros(0), np.zeros(0), np.zeros(0))
+    return SpeedSearch(nothing, nothing, nowhere, nowhere)
 
 
 def _none_missing(window: Any, settings: Any, pool: Any = None) -> Any:

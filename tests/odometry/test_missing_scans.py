@@ -104,7 +104,7 @@ def test_a_few_scans_have_few_steps(n):
 
 
 def test_who_hardly_moves_is_told_nothing():
-    assert not shown(np.full(8, 0.1), np.full(8, 0.1)).any()
+    assert not shown(np.full(8, 0.05), np.full(8, 0.05)).any()
 
 
 def test_a_missing_scan_is_found_where_registrations_are_too_short():

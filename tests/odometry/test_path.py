@@ -69,7 +69,6 @@ N = 55
 @pytest.fixture
 def short_windows(monkeypatch):
     monkeypatch.setattr(path, "WINDOW", 0.4)
-    monkeypatch.setattr(path, "PATIENT", 0.2)
 
 
 @pytest.fixture(scope="module")

@@ -102,7 +102,7 @@ def test_one_scan_misses_nothing(canyon):
 
 def test_what_cannot_be_traffic_is_told_from_the_rest():
     rng = np.random.default_rng(0)
-    flat = np.array([0.0, 0.35, 0.35]) * rng.uniform(-1.0, 1.0, (400, 3))
+    flat = np.array([0.0, 0.39, 0.39]) * rng.uniform(-1.0, 1.0, (400, 3))
     low, beside, high = np.array([[10.2, 2.2, 0.6], [10.2, -18.2, 0.6], [12.2, -3.4, 4.2]])
     before = surfels_of((np.concatenate([flat + low, flat + beside, flat + high])).astype(np.float32), None)
     come = np.array([1.6, 0.0, 0.0])  # what is low keeps pace, what is beside or high stays

@@ -109,7 +109,7 @@ def test_a_second_window_is_asked_only_where_the_first_leaves_doubt(monkeypatch)
     scans = [sweep(TOWN, POSE, SCAN_GAP * i, n_beams=40) for i in range(2 * N)]
     assert choose(ArraySequence(scans)).source == "file"
     assert len(looks) == 1
-    monkeypatch.setattr(moving_windows, "CLEAR_ERRORS", (np.inf, 2.0))
+    monkeypatch.setattr(moving_windows, "N_ERRORS", 1e6)
     assert choose(ArraySequence(scans)).source == "file"
     assert len(looks) == 3
 

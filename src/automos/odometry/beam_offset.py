@@ -14,17 +14,15 @@ import numpy as np
 from automos.core.geometry import Array
 from automos.odometry.links import Alignment, Links
 from automos.odometry.refine import INFORMATION
-from automos.odometry.window import Window
+from automos.odometry.window import ROUNDS, Window
 
 STEEP = 8.0
 """Metres from the sensor's axis within which beams that see the ground are steep."""
-ROUNDS, CONVERGED_DEG = 4, 0.01
-"""Estimates at most, each from the surfels that the one before has raised, and the change that ends them."""
 SCANS = 100
 """Scans that are compared, those of the longest path."""
-ABOUT = Alignment((0.3,), lags=(1.0, 2.0), max_distance=60.0, with_elevation=True)
-LEAST_DEG, CERTAIN = 0.05, 5.0
-"""Degrees, and standard errors, from which an estimate is not that of a sensor without an offset."""
+ABOUT = Alignment(with_elevation=True)
+CERTAIN = 5.0
+"""Standard errors from which an estimate is not that of a sensor without an offset."""
 
 
 def find_elevation(window: Window, pool: ThreadPoolExecutor | None = None) -> float:
@@ -33,9 +31,7 @@ def find_elevation(window: Window, pool: ThreadPoolExecutor | None = None) -> fl
     for _ in range(ROUNDS):
         step, error = _estimate(replace(window, surfels=[surfels.raised(angle) for surfels in flat]), pool)
         angle += step
-        if abs(step) < np.radians(CONVERGED_DEG):
-            break
-    return angle if abs(angle) > max(np.radians(LEAST_DEG), CERTAIN * error) else 0.0
+    return angle if abs(angle) > CERTAIN * error else 0.0
 
 
 def longest_path(positions: Array) -> slice:

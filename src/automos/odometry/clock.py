@@ -13,9 +13,8 @@ from automos.core.geometry import Array
 from automos.core.scan import LATEST, Sequence
 from automos.settings import RecordingSettings
 
-USUAL_RATE = 10.0
-"""Scans a second where nobody says how many there are."""
-USUAL_PERIOD = 1.0 / USUAL_RATE  # seconds
+USUAL_PERIOD = 0.1
+"""Seconds between scans where nobody says how many there are."""
 GAP = 1.5
 """Times the usual step of the clock from which scans are missing."""
 MOST_UNEVEN = 1e-7  # least ratio of the shortest time between scans to the usual one: no clock resolves both

@@ -6,9 +6,6 @@ from automos.odometry.motion import MAX_ACCELERATION
 from automos.odometry.vertical import Level
 from automos.settings import OdometrySettings
 
-WITHOUT_CLOCK = 4.0
-"""Factor by which accelerations may be overestimated without stamps: the slowest sensors rotate at 5 Hz."""
-
 
 def vertical_doubts(level: Level) -> list[str]:
     """Return the warnings, in sentences, that follow from the vertical found."""
@@ -34,7 +31,7 @@ def doubts(figures: dict[str, Any], settings: OdometrySettings, has_clock: bool 
             "trust the labels: give your own poses (--poses)."
         )
     acceleration = figures.get("greatest_acceleration_m_s2", 0.0)
-    if acceleration > MAX_ACCELERATION * (1.0 if has_clock else WITHOUT_CLOCK):
+    if has_clock and acceleration > MAX_ACCELERATION:
         found.append(
             f"around scan {figures['greatest_acceleration_at']} the speed changes by {acceleration:.0f} m/s per "
             "second, more than any vehicle can. The poses before or after it are wrong and may follow traffic rather "

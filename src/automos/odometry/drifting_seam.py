@@ -11,16 +11,11 @@ import numpy.typing as npt
 from automos.core.cells import turn_of
 from automos.core.kernels import kernel
 from automos.core.scan import MIN_RANGE, Mask, Points, Sequence
-from automos.odometry.point_order import azimuths, sample_pairs
+from automos.odometry.point_order import SAME_TIME, azimuths, sample_pairs
 
-N_SECTORS = 720
-"""Sectors in which a gap is searched."""
-N_DOUBLED = 180
-"""Sectors in which points are counted: two degrees hold several firings of every beam and are accurate enough."""
-N_HEIGHTS = 512
-"""Bins of the sine of the elevation, a quarter of a degree each at the horizon."""
-MIN_WIDTH, MAX_WIDTH = 0.01, 0.8
-"""Turns, width of a missing or doubled sector: a narrower gap may be the shadow of an object."""
+N_SECTORS = 360
+"""Sectors in which points are counted, and bins of the sine of their elevation: a degree holds several firings of every
+beam and is accurate enough."""
 MIN_EXPLAINED = 0.6
 """Share of the variance of points per direction that a sector must explain: doubled 0.7 to 0.95, others 0.1 to 0.5."""
 SAME_WIDTH = 0.3
@@ -47,7 +42,7 @@ def _step(edges: tuple[float, float], following: tuple[float, float], sign: int)
     against it. The returned step is that of the sensor.
     """
     width = 0.5 * (edges[1] - edges[0] + following[1] - following[0])
-    if not MIN_WIDTH < width < MAX_WIDTH:
+    if not SAME_TIME < width < 1.0:
         return 0.0
     shift = 0.5 * (following[0] + following[1] - edges[0] - edges[1])
     allowed = SAME_WIDTH * min(width, 1.0 - width)
@@ -70,7 +65,7 @@ def drifting_times(points: Points, turn: int, turns: float) -> tuple[npt.NDArray
     if turns <= 1.0:  # from one edge of the gap to the other
         turned, span = turns_from(points, turn, middle, 0.0) - np.float32(0.5 * width), 1.0 - width
         return np.clip(turned / np.float32(span), 0.0, 1.0) - np.float32(0.5), np.zeros(len(points), bool)
-    blur = 1.0 / N_DOUBLED  # accuracy of the edges
+    blur = 1.0 / N_SECTORS  # accuracy of the edges
     turned, span = turns_from(points, turn, middle - turn * (0.5 * width + blur), 0.0), 1.0 + width
     times = np.maximum((turned - np.float32(blur)) / np.float32(span), 0.0) - np.float32(0.5)
     return times, turned < width + 2.0 * blur
@@ -96,30 +91,30 @@ def doubled_edges(points: Points, width: float | None = None) -> tuple[float, fl
     n, n_seen = _count_directions(np.ascontiguousarray(points))
     density = n / np.maximum(n_seen, 1)
     sums = np.concatenate([[0.0], np.cumsum(np.tile(density, 2))])
-    some = range(2, N_DOUBLED - 2) if width is None else [min(max(round(width * N_DOUBLED), 1), N_DOUBLED - 1)]
+    some = range(2, N_SECTORS - 2) if width is None else [min(max(round(width * N_SECTORS), 1), N_SECTORS - 1)]
     widths = np.array(some)[:, None]
-    first = np.arange(N_DOUBLED)
+    first = np.arange(N_SECTORS)
     inside = sums[first + widths] - sums[first]
     # Between-class variance of the two parts of the circle.
-    more = inside / widths - (density.sum() - inside) / (N_DOUBLED - widths)
-    explained = np.maximum(more, 0.0) ** 2 * widths * (N_DOUBLED - widths)
+    more = inside / widths - (density.sum() - inside) / (N_SECTORS - widths)
+    explained = np.maximum(more, 0.0) ** 2 * widths * (N_SECTORS - widths)
     k, low = np.unravel_index(int(np.argmax(explained)), explained.shape)
-    is_clear = explained[k, low] > MIN_EXPLAINED * density.var() * N_DOUBLED**2
-    start, length = low / N_DOUBLED - 0.5, float(widths[k, 0]) / N_DOUBLED
+    is_clear = explained[k, low] > MIN_EXPLAINED * density.var() * N_SECTORS**2
+    start, length = low / N_SECTORS - 0.5, float(widths[k, 0]) / N_SECTORS
     return float(start), float(start + (length if is_clear or width is not None else 0.0))
 
 
 @kernel
 def _count_directions(points):  # type: ignore[no-untyped-def]
-    """Return (N_DOUBLED,) points in each sector, and the number of occupied elevation bins."""
-    is_seen = np.zeros((N_DOUBLED, N_HEIGHTS), np.bool_)
-    n, n_seen = np.zeros(N_DOUBLED, np.int64), np.zeros(N_DOUBLED, np.int64)
+    """Return (N_SECTORS,) points in each sector, and the number of occupied elevation bins."""
+    is_seen = np.zeros((N_SECTORS, N_SECTORS), np.bool_)
+    n, n_seen = np.zeros(N_SECTORS, np.int64), np.zeros(N_SECTORS, np.int64)
     for i in range(len(points)):
         x, y, z = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
         r = np.sqrt(x * x + y * y + z * z)
         if MIN_RANGE < r < 1e6:  # never true of NaN
-            sector = min(int(turn_of(points[i, 0], points[i, 1]) * N_DOUBLED), N_DOUBLED - 1)
-            height = min(max(int((z / r + 1.0) * (0.5 * N_HEIGHTS)), 0), N_HEIGHTS - 1)
+            sector = min(int(turn_of(points[i, 0], points[i, 1]) * N_SECTORS), N_SECTORS - 1)
+            height = min(max(int((z / r + 1.0) * (0.5 * N_SECTORS)), 0), N_SECTORS - 1)
             n[sector] += 1
             if not is_seen[sector, height]:
                 is_seen[sector, height] = True

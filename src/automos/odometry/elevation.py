@@ -7,11 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from automos.core.scan import Points, Scan, Sequence
+from automos.core.scan import MIN_RANGE, Points, Scan, Sequence
 from automos.core.views import View
-
-ON_AXIS = 1e-3
-"""Metres from the sensor's axis within which beams have no direction."""
 
 
 def raised(points: Points, angle: float) -> Points:
@@ -22,7 +19,7 @@ def raised(points: Points, angle: float) -> Points:
     x, y, z = points.T
     level = np.hypot(x, y)
     with np.errstate(invalid="ignore", over="ignore"):
-        shrunk = c - s * z / np.maximum(level, np.float32(ON_AXIS))
+        shrunk = c - s * z / np.maximum(level, np.float32(MIN_RANGE))
         return np.stack([x * shrunk, y * shrunk, c * z + s * level], axis=1)
 
 

@@ -22,6 +22,7 @@ from automos.odometry.elevation import Raised
 from automos.odometry.estimator import Moved, Odometry
 from automos.odometry.links import Consistency, measure_consistency, summarize
 from automos.odometry.motion import MIN_POINTS, greatest_acceleration, step_twists
+from automos.odometry.moving_windows import WINDOW_SCANS
 from automos.odometry.speed import speed_figures
 from automos.odometry.surfels import scan_surfels
 from automos.odometry.sweep_timing import SweepTiming
@@ -31,7 +32,6 @@ from automos.odometry.vertical import Level, level_frame
 from automos.odometry.window import Window
 from automos.settings import OdometrySettings
 
-GROUND_SCANS = 20  # scans of a recording in which the ground is searched
 Progress = Callable[[int, int], None]
 
 
@@ -87,7 +87,7 @@ def _find_level(
     sequence: Sequence, poses: Pose, timing: SweepTiming, motion: Array, settings: OdometrySettings
 ) -> Level:
     """Return the level frame, from a few scans of the recording."""
-    ids = some_of(len(sequence), GROUND_SCANS).tolist()
+    ids = some_of(len(sequence), WINDOW_SCANS).tolist()
     surfels = {i: scan_surfels(sequence[i], motion[i], timing, settings) for i in ids}
     used = [i for i in ids if len(surfels[i]) >= MIN_POINTS]
     return level_frame([(surfels[i].mean, surfels[i].covariance) for i in used], poses[used], settings)

@@ -22,17 +22,14 @@ from automos.odometry.background import DELAY, BackgroundTask, TimingSearch, tim
 from automos.odometry.clock import RunningClock
 from automos.odometry.correction import Correction
 from automos.odometry.followed import Followed, Posed, Stamped, TimedScan
-from automos.odometry.path import PATIENT, WINDOW, Path
+from automos.odometry.moving_windows import WINDOW_SCANS
+from automos.odometry.path import WINDOW, Path
+from automos.odometry.point_order import SAME_TIME
 from automos.odometry.settling import at_another_speed
-from automos.odometry.sweep_timing import SAME_TIME, SweepTiming
+from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.timing import TimingChoice
 from automos.odometry.window import Window
 from automos.settings import OdometrySettings
-
-REMADE = 40  # scans that are registered again, at most
-ALIKE = 0.9  # of the best start's share of surfels on surfaces, from which on another start is as good
-SPEED_SCANS = 3
-"""Scans in which the speed is first searched."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +94,7 @@ class Odometry:
         self._speed_task: BackgroundTask[Stamped | None] = BackgroundTask(DELAY)
         self._search_at = -np.inf  # stamp of the next search
         self._n, self._clock = 0, RunningClock()
-        self._last = deque[tuple[TimedScan, Pose]](maxlen=None if self.path.is_patient else REMADE)
+        self._last = deque[tuple[TimedScan, Pose]](maxlen=None if self.path.is_patient else 2 * WINDOW_SCANS)
         self._correction: Correction | None = None
 
     def push(self, scan: Scan, read: Callable[[], Scan] | None = None) -> Moved:
@@ -145,7 +142,7 @@ class Odometry:
     def _start_tasks(self) -> None:
         """Start the background tasks for which there are enough scans."""
         settings, is_settled = self._settings, self._correction is None and not self.path.is_patient
-        is_due = self._n >= SPEED_SCANS and self._clock.stamp >= self._search_at
+        is_due = self._clock.stamp >= self._search_at
         if is_settled and is_due and not self._speed_task.is_started:
             self._speed_task = BackgroundTask(min(DELAY, 0.5 * self._n * self._clock.period))
             search = partial(_other_speed, self.path.window, self.path.stamps, settings)
@@ -195,18 +192,17 @@ class Odometry:
     def _likeliest_start(self) -> npt.NDArray[np.float64]:
         """Return the motion (6,) from the first scan to the second under which both, undistorted by it, fit best.
 
-        Until they are, rings of a few beams on the ground fit best at rest. What fits hardly better changes nothing.
+        Until they are, rings of a few beams on the ground fit best at rest.
         """
         if len(self.path.starts) < 2:
             return self.path.twist
-        first_two, twists = list(self._last), (self.path.twist, *self.path.starts[1:])
-        tried = [self._follow_again(first_two, self.path.timing, twist) for twist in twists]
+        first_two = list(self._last)
+        tried = [self._follow_again(first_two, self.path.timing, t) for t in (self.path.twist, *self.path.starts[1:])]
         for one in tried:
             one.follow(len(first_two))
         for one in tried:
             one.advance()
-        best = max((one.path for one in tried), key=lambda path: path.share)
-        return best.twist if tried[0].path.share < ALIKE * best.share else self.path.twist
+        return max((one.path for one in tried), key=lambda path: path.share).twist
 
     def _searched(self, now: float) -> Stamped | None:
         """Return the last scans at another speed if a search has found one; and plan the next search.
@@ -216,7 +212,7 @@ class Odometry:
         if not self._speed_task.is_due(now):
             return None
         found = self._speed_task.result(now)
-        pause = 0.0 if found is not None else min(0.5 * self._n * self._clock.period, PATIENT)
+        pause = 0.0 if found is not None else min(0.5 * self._n * self._clock.period, self.path.reach)
         self._speed_task, self._search_at = BackgroundTask(DELAY), self._clock.stamp + pause
         return found
 

@@ -30,10 +30,8 @@ LEAST_CONSTRAINT = 0.1
 """Squared cosine between a surface's normal and the path from which the surface constrains the position along it."""
 EVIDENCE = 5.0
 """Re-observed surfels that count for half of full certainty."""
-STANDSTILL_SHARE = 0.25
-"""Least share of the overhead surfaces facing along the path that a stationary sensor re-observes."""
-STANDSTILL_SHARE_LOW = 0.1
-"""Least share of all surfaces facing along the path that a stationary sensor re-observes, if none is overhead."""
+STANDSTILL_SHARE = 0.1
+"""Least share of the surfaces facing along the path that a stationary sensor re-observes."""
 NEAR_SHARE = 0.5
 """Share of the surfaces facing along the path that are re-observed from nearly the same position."""
 NEAR_VIEW = 1.5
@@ -43,18 +41,19 @@ BESIDE = 12.0
 """Metres from the path, beyond all lanes of the sensor's own direction: nothing there keeps pace with the sensor."""
 LAGS = (0.3, 0.8)
 """Seconds, baselines: moving objects have no common peak over both."""
-EVERY = 0.5
-"""Seconds between the evaluated places."""
 STEP = SURFACE / max(LAGS)
 """m/s between speeds tried: what surfaces may be off over the longer baseline."""
-WEIGHTS = np.array([1.0, 1.0, 4.0])
-"""Weights of low surfaces, those far beside, and those higher than any vehicle, which cannot be traffic."""
+ALL = np.array([True, True, True])
+"""Low surfaces, those far beside, and those higher than any vehicle."""
 LANDMARKS = np.array([False, True, True])
-"""Which of these are landmarks, which cannot be traffic: all of them count alike."""
-UNLIKELY = 0.3
-"""Penalty, as a share of a full score, of driving backwards, and of an acceleration of the usual size."""
-MIN_CLEAR_SPEED = 2.0
-"""m/s; slower initial estimates may be a mistaken standstill."""
+"""Which of these are landmarks, which cannot be traffic."""
+SAME_SPEED = 1.0
+"""Metres per second within which two speeds count as the same."""
+MIN_RATIO = 0.8
+"""Least ratio of the true speed to the initial estimate."""
+UNLIKELY = 0.2
+"""Share of a full score: the penalty of driving backwards, and of an acceleration of the usual size, and by how much
+the score of another speed than the registration's own must be higher."""
 
 
 def score_distances(
@@ -96,7 +95,7 @@ def is_stationary(refound: Array, whole: Array) -> bool:
     """
     if whole[2] > EVIDENCE:
         return bool(refound[2] > STANDSTILL_SHARE * whole[2])
-    return bool(refound.sum() > STANDSTILL_SHARE_LOW * whole.sum())
+    return bool(refound.sum() > STANDSTILL_SHARE * whole.sum())
 
 
 def expected_share(distances: Array) -> Array:
@@ -127,14 +126,12 @@ class SpeedScores:
         at = np.round((self.present - self.speeds[0]) / STEP).astype(int)
         return np.clip(at, 0, len(self.speeds) - 1)
 
-    def with_priors(self, scores: Array, min_ratio: float) -> Array:
+    def with_priors(self, scores: Array) -> Array:
         """Return `scores` (M, S) minus the penalties of unlikely speeds."""
-        out, present = scores.copy(), self.present[:, None]
+        present = self.present[:, None]
         # Registrations are biased towards standstill, so a clear motion is never much too fast.
-        is_slower = self.speeds * np.sign(present) < min_ratio * np.abs(present)
-        out[is_slower & (np.abs(present) > MIN_CLEAR_SPEED)] -= 1.0
-        out[:, self.speeds < -STEP] -= UNLIKELY
-        return out
+        is_slower = self.speeds * np.sign(present) < MIN_RATIO * np.abs(present)
+        return scores - UNLIKELY * (self.speeds < -STEP) - (is_slower & (np.abs(present) > SAME_SPEED))
 
 
 def score_speeds(
@@ -143,7 +140,7 @@ def score_speeds(
     """Return how much is re-observed along `forward` (3,) at every speed."""
     T, surfels, period = window.T_world_sensor, window.surfels, window.period
     lags = sorted({min(max(round(lag / period), 1), len(window) - 1) for lag in LAGS})
-    starts = np.arange(0, len(window) - max(lags), max(round(EVERY / period), 1))
+    starts = np.arange(0, len(window) - max(lags), max(max(lags) // 2, 1))
     clock = window.clock
     speeds = np.arange(-settings.max_reverse, settings.max_speed, STEP)
     alone = cache(lambda i: isolated_points(surfels[i], forward, settings.overhead, BESIDE))
@@ -160,7 +157,7 @@ def score_speeds(
         for k, (end, step, share) in enumerate(zip(ends, steps, window.share * period / seconds, strict=True)):
             found[k] = score_distances(submap, surfels[end], step, forward, distances[k], share, settings.overhead)
             found[k, 1] += count_met_again(alone(start), alone(end), step, forward, distances[k], share)
-        by_all, by_landmarks = (_weighted_share(weights, found, whole, distances) for weights in (WEIGHTS, LANDMARKS))
+        by_all, by_landmarks = (_weighted_share(weights, found, whole, distances) for weights in (ALL, LANDMARKS))
         return by_all, by_landmarks, found.mean(axis=0), whole
 
     todo = starts.tolist()

@@ -19,7 +19,6 @@ ALONE = (3.0, SURFEL, SURFEL)
 CLOSE = 0.15
 """Metres along the path between what is observed and what it re-observes, at most, and half of those perpendicular to
 it: errors of unrefined poses are smaller."""
-BIN = 0.05  # metres of the path, resolution at which points are counted
 
 
 def isolated_points(surfels: Surfels, forward: Array, overhead: float, beside: float) -> TimedPoints:
@@ -59,9 +58,9 @@ def count_met_again(
     # What is met at its place in the sensor's frame may be a ring's, on a wall that is seen at a grazing angle.
     stays = np.abs(apart) < CLOSE
     apart = apart[~np.isin(i, i[stays]) & ~np.isin(j, j[stays])]
-    edges = np.arange(distances.min() - 1.0, distances.max() + 1.0 + BIN, BIN)
-    count = np.convolve(np.histogram(apart, edges)[0], np.ones(2 * round(CLOSE / BIN) + 1), "same")
-    return np.interp(distances, edges[:-1] + 0.5 * BIN, count)
+    apart.sort()
+    found = np.searchsorted(apart, distances + CLOSE) - np.searchsorted(apart, distances - CLOSE)
+    return found.astype(np.float64)
 
 
 def _path_axes(direction: Array) -> Array:

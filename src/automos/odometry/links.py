@@ -14,16 +14,15 @@ from automos.core.geometry import Array, inverse
 from automos.core.parallel import map_in_shares
 from automos.core.scan import Pose, Sequence
 from automos.odometry.motion import MIN_STEP, step_twists
+from automos.odometry.point_order import SAMPLES
 from automos.odometry.submap import NOISE, Fit, Submap, fit_surfels, make_submap
-from automos.odometry.surfels import Surfels, scan_surfels
+from automos.odometry.surfels import NEAR, Surfels, scan_surfels
 from automos.odometry.sweep_timing import SweepTiming
-from automos.odometry.window import SAME_SURFACE, Window, is_moved, small_motion
+from automos.odometry.window import Window, is_moved, small_motion
 from automos.settings import OdometrySettings
 
 MIN_MATCHED = 15
 """Surfels of a scan on surfaces of a submap, at least: fewer may all belong to one moving object."""
-SAMPLES, SAMPLE_SECONDS = 3, 2.5
-"""Parts of a recording in which poses are checked, and the length of each."""
 
 
 @dataclass(frozen=True)
@@ -35,13 +34,13 @@ class Alignment:
     lags: tuple[float, ...] = (0.5, 1.0, 2.0)  # s between a scan and its submaps
     submap_every: float = 0.2  # s between the middles of submaps
     submap_length: float = 0.3  # s of scans in a submap
-    max_distance: float = 25.0  # m between a scan and its submaps, at most: beyond it, they have too little in common
+    max_distance: float = 2.0 * NEAR  # m between a scan and its submaps, at most: beyond it, nothing is near both
     max_surfels: int = 2500  # of a scan aligned with one submap; more take time without further information
     with_elevation: bool = False  # fits the elevation of the beams as a seventh unknown
 
 
-COARSE = Alignment((0.2, 0.2), noise=0.05, submap_length=0.5, max_distance=40.0, max_surfels=800)
-"""For comparing hypotheses: wide enough not to miss misaligned surfaces."""
+COARSE = Alignment(submap_length=0.5, max_surfels=800)
+"""For comparing hypotheses, at poses that are rough."""
 
 
 class Consistency(NamedTuple):
@@ -167,7 +166,7 @@ class Links:
         if center not in self._submaps:
             return True
         then = self._submaps[center][0]
-        return len(then) < len(parts) or bool(is_moved(then[-len(parts) :], parts, SAME_SURFACE).any())
+        return len(then) < len(parts) or bool(is_moved(then[-len(parts) :], parts).any())
 
 
 def rows_of(links: list[Link], window: Window) -> Ids:
@@ -203,9 +202,9 @@ def measure_consistency(
     sequence: Sequence, poses: Pose, timing: SweepTiming, gaps: Array, period: float, settings: OdometrySettings
 ) -> Consistency:
     """Return how well scans align with `poses` (N, 4, 4), in a few parts of the recording."""
-    length = min(max(round(SAMPLE_SECONDS / period), 3), len(sequence))
-    twists = timing.share * step_twists(poses, gaps)
     parts, about = [], Alignment()
+    length = min(max(round((max(about.lags) + min(about.lags)) / period), 3), len(sequence))
+    twists = timing.share * step_twists(poses, gaps)
     for first in some_of(len(sequence) - length + 1, SAMPLES).tolist():
         part = slice(first, first + length)
         surfels = [scan_surfels(sequence[i], twists[i], timing, settings) for i in range(first, first + length)]

@@ -16,24 +16,21 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from automos.core.geometry import Array, inverse
 from automos.core.scan import Pose
-from automos.odometry.facing import BESIDE, EVIDENCE, WEIGHTS, facing_surfaces, score_distances, weighed_down
+from automos.odometry.facing import BESIDE, EVIDENCE, facing_surfaces, score_distances, weighed_down
 from automos.odometry.isolated import count_met_again, isolated_points
 from automos.odometry.motion import MIN_STEP
 from automos.odometry.speed import direction_of, lengthen, to_likely_speed
-from automos.odometry.submap import CLOSE
-from automos.odometry.window import Window
+from automos.odometry.submap import CLOSE, NOISE
+from automos.odometry.window import ROUNDS, Window
 from automos.settings import OdometrySettings
 
 N_AROUND = 3  # steps on either side that define the usual speed
 TRIED = np.arange(1.0, 7.0)  # hypotheses on the gaps of a step: up to five consecutive missing scans are detected
 LAGS = 2  # steps over which surfaces are re-observed, at most: over more, errors of several steps add up
-ROUNDS = 3  # searches for the speed, at most, each with the gaps that were found at the previous one
-LEAST_STEP = 2.0 * MIN_STEP  # metres; of shorter usual steps, double ones cannot be told from single ones
-STEP_NOISE = 0.05  # metres, error of a registration from scan to scan
-MISTAKEN = 14.0  # greatest log-odds that a registration contributes: it may follow traffic
 SELDOM = 8.0  # prior log-odds that no scan is missing at a place, and one more for each further missing scan
-REFOUND = 30.0  # log-odds if over one of three pairs of scans, all that faces along the path is re-observed
-CHANCE = 0.1  # share re-observed by chance for each missing scan: posts along a road are evenly spaced
+REFOUND = 30.0
+"""Log-odds if over one of three pairs of scans, all that faces along the path is re-observed; and the greatest that a
+registration contributes: it may follow traffic."""
 
 
 def count_missing(window: Window, settings: OdometrySettings, pool: ThreadPoolExecutor | None = None) -> Array:
@@ -77,7 +74,7 @@ def find_missing(
     """
     travelled, found = steps[:, :3, 3], gaps
     rarity = SELDOM + (TRIED - 1.0)
-    certain = np.hypot(STEP_NOISE, usual_acceleration * (period * TRIED) ** 2)
+    certain = np.hypot(NOISE, usual_acceleration * (period * TRIED) ** 2)
     for _ in range(2):  # neighbouring steps may have gaps, too
         medians = np.median(_windows(travelled / found[:, None], N_AROUND), axis=-1)  # NaN of fewer
         before, after = medians[: len(gaps)], medians[N_AROUND + 1 :]
@@ -86,10 +83,10 @@ def find_missing(
         apart = np.linalg.norm(after - before, axis=1)[:, None]
         deviation = np.hypot(certain, 0.5 * TRIED * apart)  # either side may be right
         off = np.linalg.norm(travelled[:, None] - TRIED[:, None] * usual[:, None], axis=2) / deviation
-        cost = np.minimum(0.5 * off**2, MISTAKEN) + np.log(deviation) + rarity * (gaps[:, None] != TRIED)
+        cost = np.minimum(0.5 * off**2, 0.5 * REFOUND) + np.log(deviation) + rarity * (gaps[:, None] != TRIED)
         if refound is not None:
-            cost -= REFOUND * np.maximum(refound - CHANCE * (TRIED - 1.0), 0.0)
-        is_long = np.linalg.norm(usual, axis=1) >= LEAST_STEP  # else double steps are hardly longer
+            cost -= REFOUND * refound
+        is_long = np.linalg.norm(usual, axis=1) >= MIN_STEP  # else double steps are hardly longer
         found = np.where(is_long, TRIED[np.argmin(cost, axis=1)], gaps)
     return found
 
@@ -111,7 +108,7 @@ def refound_after(window: Window, overhead: float, pool: ThreadPoolExecutor | No
     def shares(first: int) -> Array:
         """Return (2, 6) the shares for the steps after a scan."""
         share_of = np.zeros((LAGS, len(TRIED)))
-        if single[first] < LEAST_STEP:
+        if single[first] < MIN_STEP:
             return share_of
         submap, whole = facing_surfaces(surfels[first], forward, overhead)
         for last in range(first + 1, min(first + LAGS, len(steps)) + 1):
@@ -122,7 +119,7 @@ def refound_after(window: Window, overhead: float, pool: ThreadPoolExecutor | No
             pair, tried = inverse(T[first]) @ T[last], distances.ravel()
             refound = score_distances(submap, surfels[last], pair, forward, tried, window.share / n, overhead)
             refound[1] += count_met_again(alone(first), alone(last), pair, forward, tried, window.share / n)
-            scores = weighed_down(WEIGHTS @ refound, float(WEIGHTS @ whole), tried)
+            scores = weighed_down(refound.sum(axis=0), float(whole.sum()), tried)
             best = scores.reshape(distances.shape).max(axis=2)
             share_of[:n] += best / (best.max(axis=1, keepdims=True) + EVIDENCE)
         return share_of

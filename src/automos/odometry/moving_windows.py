@@ -9,39 +9,28 @@ import numpy as np
 
 from automos.core.geometry import Array, inverse, se3_log
 from automos.core.scan import Pose, Scan, Sequence
-from automos.odometry.clock import USUAL_PERIOD, Clock
+from automos.odometry.clock import Clock
 from automos.odometry.links import COARSE, MIN_MATCHED, Links
 from automos.odometry.motion import step_twists
 from automos.odometry.refine import align
 from automos.odometry.submap import CLOSE
-from automos.odometry.surfels import Surfels, scan_surfels
+from automos.odometry.surfels import NEAR, Surfels, scan_surfels
 from automos.odometry.sweep_timing import SweepTiming, azimuth_times
-from automos.odometry.window import NEAR, Window
+from automos.odometry.window import Window
 from automos.settings import OdometrySettings
 
 WINDOWS = 2
 """Windows after which a difference of a few standard errors decides, and the most if the recording gives times or an
 order of its points: where all windows show the same traffic, more of them do not help."""
-PLACES = 7
-"""Positions at which a window with motion is searched, at most."""
 WINDOW_SCANS = 16
 """Scans per window: enough for a full turn of a seam that drifts by a tenth of a turn per scan."""
-LINKS_OF_A_SCAN = 4
-"""Links of one scan, whose errors are correlated."""
 GAIN = 0.01
 """By which the misfit, a logarithm, must be less than that of the first hypothesis. A wrong timing makes walls thicker
 by as much as the right one makes them thinner, so the sign of the difference decides, however uncertain it is."""
 N_ERRORS = 1.5
-"""Standard errors by which a hypothesis must be better that the same scans selected among many: the best of ten without
-any merit is ahead by as much."""
-CLEAR_GAIN = 0.03
-"""Additional gain required of rare hypotheses: halved or reversed sweeps."""
-CLEAR_ERRORS = (4.0, 2.0)
-"""Standard errors between the best and every hypothesis of another kind from which no more windows are needed: at
-first, and after `WINDOWS` windows. By the latter, a hypothesis must be better than an assumed one."""
-
-ON_NEIGHBOURS = replace(COARSE, kernels=(0.5, 0.3), lags=(0.1, 0.2), submap_every=USUAL_PERIOD, submap_length=0.0)
-"""Each scan with its neighbours: adapts their steps to the times of a hypothesis, by up to half a metre."""
+"""Standard errors by which a hypothesis must be better than an assumed one, or where the same scans selected it among
+many: the best of ten without any merit is ahead by as much. If it is ahead of every hypothesis of another kind
+by so many, no more windows are needed."""
 
 
 BySource = dict[str, Window]
@@ -64,16 +53,16 @@ def moving_windows(
     length = min(WINDOW_SCANS, len(sequence))
     if length < WINDOW_SCANS // 2:
         return
-    n_places = min(max(round(len(sequence) / length), 1), PLACES)
+    n_places = max(round(len(sequence) / length), 1)
     places = np.linspace(0, len(sequence) - length, n_places).round().astype(int)
     for first in places[np.argsort(np.abs(places - places.mean()), kind="stable")].tolist():
+        if bend_of(poses[first : first + length]) < CLOSE:  # less than inliers are off
+            continue
         scans = [sequence[i] for i in range(first, first + length)]
         at_rest = np.zeros((length, 6))
         surfels = _surfels_of(scans, at_rest, SweepTiming(), settings, each)
         gaps = clock.gaps[first : first + length - 1]
         rough = Window(surfels, at_rest, poses[first : first + length], gaps, clock.period, 0.0)
-        if bend_of(rough.T_world_sensor) < CLOSE:  # less than inliers are off
-            continue
         by_source = {"none": rough}
         for timing in from_points:
             twists = timing.share * step_twists(rough.T_world_sensor, gaps)
@@ -96,15 +85,10 @@ def _surfels_of(
     return list(each(partial(scan_surfels, timing=timing, settings=settings), scans, twists))
 
 
-def measure_misfits(
-    guess: SweepTiming, window: BySource, is_rough: bool, is_cut: bool, settings: OdometrySettings
-) -> Array:
+def measure_misfits(guess: SweepTiming, window: BySource, is_rough: bool, settings: OdometrySettings) -> Array:
     """Return (L,) the misfit of each link of the window after its poses are re-estimated under the guess.
 
     A misfit is the logarithm of the wall thickness over the matched share; NaN without enough; `is_rough` takes half.
-    Raw scans agree on the motion between two views of a place, which are a turn of the sensor apart. Where that is not
-    a scan (`is_cut`), steps are adapted to the times of the guess, too, and the better result counts. Elsewhere this
-    gains nothing and may end at a standstill, where the rings of all scans coincide.
 
     Equation: misfit
     """
@@ -113,17 +97,13 @@ def measure_misfits(
         times = partial(azimuth_times, turn=guess.turn, seam_deg=guess.seam_deg or 0.0)
         timed = replace(timed, surfels=[replace(s, time=times(s.mean), sparse=None) for s in timed.surfels])
     timed = replace(timed, share=guess.share).moved(timed.T_world_sensor)
-    links, found, starts = Links(COARSE), [], [timed]
+    links = Links(COARSE)
     chosen = links.choose(timed)
-    if is_cut and guess.share != 0.0:
-        starts.append(align(timed, settings, Links(ON_NEIGHBOURS))[0])
-    for start in starts:
-        aligned = align(start, settings, links, kernels=COARSE.kernels[: 1 if is_rough else None])[0]
-        fits = links.fit(aligned, chosen, COARSE.kernels[-1])
-        n_close = np.array([fit.n_close if fit.n_matched >= MIN_MATCHED else 0 for fit in fits])
-        share = np.where(n_close > 0, n_close / np.array([max(fit.n_surfels, 1) for fit in fits]), np.nan)
-        found.append(np.log(np.array([fit.thickness for fit in fits]) / share))
-    return min(found, key=_mean_misfit)
+    aligned = align(timed, settings, links, kernels=COARSE.kernels[: 1 if is_rough else None])[0]
+    fits = links.fit(aligned, chosen, COARSE.kernels[-1])
+    n_close = np.array([fit.n_close if fit.n_matched >= MIN_MATCHED else 0 for fit in fits])
+    share = np.where(n_close > 0, n_close / np.array([max(fit.n_surfels, 1) for fit in fits]), np.nan)
+    return np.log(np.array([fit.thickness for fit in fits]) / share)
 
 
 def _mean_misfit(misfits: Array) -> Array:
@@ -132,12 +112,12 @@ def _mean_misfit(misfits: Array) -> Array:
 
 
 class Search:
-    """Evaluates every hypothesis once in every window; `is_cut` if a scan is more or less than a turn of the sensor."""
+    """Evaluates every hypothesis once in every window."""
 
-    def __init__(self, settings: OdometrySettings, pool: ThreadPoolExecutor | None, is_cut: bool = False):
+    def __init__(self, settings: OdometrySettings, pool: ThreadPoolExecutor | None):
         self._map: Callable = map if pool is None else pool.map
         self.windows: list[BySource] = []
-        self._measure = cache(lambda guess, k, rough: measure_misfits(guess, self.windows[k], rough, is_cut, settings))
+        self._measure = cache(lambda guess, k, rough: measure_misfits(guess, self.windows[k], rough, settings))
         self.misfits: dict[str, float] = {}  # see `TimingChoice`
         self.is_clear = False  # whether all hypotheses of another kind than the best are worse, or no different
 
@@ -162,17 +142,14 @@ class Search:
         """Return whether the windows align clearly better under `guess`."""
         found = self._evaluate([guess, assumed], is_rough=False)
         more, error = _compare(found, found[0])
-        return bool(more[1] > CLEAR_ERRORS[1] * error[1])
+        return bool(more[1] > N_ERRORS * error[1])
 
-    def best(
-        self, likely: list[SweepTiming], selected: Collection[SweepTiming] = (), rare: Collection[SweepTiming] = ()
-    ) -> SweepTiming | None:
+    def best(self, likely: list[SweepTiming], selected: Collection[SweepTiming] = ()) -> SweepTiming | None:
         """Return the hypothesis under which the windows align best; None without hypotheses or with too few matches.
 
-        This is the first one unless another is better; by more (`N_ERRORS`, `CLEAR_GAIN`) if it was `selected` among
-        many or is `rare`.
+        This is the first one unless another is better; by more (`N_ERRORS`) if it was `selected` among many.
         """
-        guesses = [*likely, *selected, *rare]
+        guesses = [*likely, *selected]
         if not guesses:
             return None
         found = self._evaluate(guesses, is_rough=False)
@@ -181,8 +158,7 @@ class Search:
             return None
         mean, error = _compare(found, found[0])
         is_selected = np.arange(len(guesses)) >= len(likely)
-        is_rare = np.arange(len(guesses)) >= len(guesses) - len(rare)
-        score = mean + np.maximum(N_ERRORS * error * is_selected, GAIN + CLEAR_GAIN * is_rare)
+        score = mean + np.maximum(N_ERRORS * error * is_selected, GAIN)
         score[0] = 0.0
         best = int(np.nanargmin(score))
         named = {str(guess): float(value) for guess, value in zip(guesses, mean, strict=True) if np.isfinite(value)}
@@ -192,16 +168,16 @@ class Search:
         kinds = [(guess.source, guess.share) for guess in guesses]
         is_other = np.array([kind != kinds[best] for kind in kinds]) & np.isfinite(more)
         more, error = more[is_other], error[is_other]
-        enough = CLEAR_ERRORS[len(self.windows) >= WINDOWS]
-        self.is_clear &= bool(((np.abs(more) + N_ERRORS * error < GAIN) | (more > enough * error)).all())
+        self.is_clear &= bool(((np.abs(more) + N_ERRORS * error < GAIN) | (more > N_ERRORS * error)).all())
         return guesses[best]
 
 
 def _compare(found: Array, best: Array) -> tuple[Array, Array]:
     """Return the mean increase (G,) of the misfits and its standard errors, from misfits (G, L) and (L,).
 
-    Each link is compared with itself, since links differ more than hypotheses. NaN if nothing is matched.
+    Each link is compared with itself, since links differ more than hypotheses; the
+    errors of those of one scan are correlated. NaN if nothing is matched.
     """
     more = np.ma.masked_invalid(found - best)
-    error = more.std(axis=1) / np.sqrt(more.count(axis=1) / LINKS_OF_A_SCAN)
+    error = more.std(axis=1) / np.sqrt(more.count(axis=1) / (2 * len(COARSE.lags)))
     return more.mean(axis=1).filled(np.nan), error.filled(np.nan)

@@ -21,10 +21,10 @@ from automos.odometry.followed import Posed, TimedScan
 from automos.odometry.links import MIN_MATCHED, Alignment, Consistency, Links, share_close
 from automos.odometry.missing_scans import TRIED
 from automos.odometry.motion import MIN_POINTS, usable_points
-from automos.odometry.refine import FIRST_STEPS, align, first_steps, refine_poses, registered, solve_links
+from automos.odometry.refine import align, first_steps, refine_poses, registered, solve_links
 from automos.odometry.settling import elevation_in, settle
 from automos.odometry.speed import SpeedSearch
-from automos.odometry.surfels import surfels_of
+from automos.odometry.surfels import SURFEL, surfels_of
 from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.window import SAME_POSE, Window
 from automos.settings import OdometrySettings
@@ -33,8 +33,6 @@ FREE = 1.5
 """Seconds in which the pose of a scan is refined with every new one."""
 WINDOW = 20.0
 """Seconds that are refined at once at most: many times the longest baseline."""
-PATIENT = 4.0
-"""Seconds from which on the speed and missing scans are found in windows, between which nobody needs a pose."""
 DOUBTFUL = 0.7
 """Of the usual share of surfels on surfaces, below which a scan may be elsewhere."""
 
@@ -83,8 +81,10 @@ class Path:
         self.searches, self.consistency = list[SpeedSearch](), list[Consistency]()
         self.empty, self.missing = list[float](), dict[float, float]()
         self._settings, self._pool, self._has_stamps = settings, pool, has_stamps
+        self._links = Links(Alignment(), pool)
         self._wait = min(max(lag - FREE, 0.0), WINDOW)
-        self.is_patient = self._wait >= PATIENT
+        # With time enough, the speed and missing scans are found in windows, between which nobody needs a pose.
+        self.is_patient = lag - FREE >= self.reach
         self._is_start_known, self.twist = twist is not None, np.zeros(6) if twist is None else twist
         self._T_first: Pose = np.eye(4) if T_world_first is None else T_world_first
         nothing = np.zeros((0, 6)), np.zeros((0, 4, 4)), np.zeros(0)
@@ -92,7 +92,6 @@ class Path:
         self._leaving = dict[float, Pose]()
         self.share, self.starts = 0.0, list[Array]()
         self._n_final, self._is_one = 0, True  # how many of the window's scans; whether they are of one LiDAR
-        self._links = Links(Alignment(), pool)
 
     def work_in(self, pool: ThreadPoolExecutor) -> None:
         """Share the work among threads from now on."""
@@ -117,7 +116,7 @@ class Path:
     def push(self, timed: TimedScan, scan: Scan | None = None) -> Posed:
         """Return the pose of the next scan, read unless it is given; those before it are refined, see `poses`."""
         self._leaving = {}
-        if self.is_patient and len(self.window) >= self._scans(self._reach + self._wait):
+        if self.is_patient and len(self.window) >= self._scans(self.reach + self._wait):
             self._settle()
             self._leaving = self.poses
             self._drop()
@@ -152,7 +151,7 @@ class Path:
         self._drop()
 
     @property
-    def _reach(self) -> float:
+    def reach(self) -> float:
         """Seconds from the newest scan to the oldest one that one whose pose is not final is aligned with."""
         return FREE + max(self._links.about.lags) + self._links.about.submap_every
 
@@ -175,7 +174,8 @@ class Path:
         tried = [self._aligned_from(window, window.T_world_sensor[-1], window.gaps[-1])]
         is_second = len(self.window) + self.window.first == 2 and not self._is_start_known
         if is_second or tried[0][1] < DOUBTFUL * self.share:
-            starts = first_steps(window.T_world_sensor[-2]) if is_second else [registered(window)]
+            fastest = min(self._settings.max_speed * window.period, self._links.about.max_distance)
+            starts = first_steps(window.T_world_sensor[-2], fastest) if is_second else [registered(window)]
             gaps = window.gaps[-1:] if is_second or self._has_stamps else TRIED
             tried += [self._aligned_from(window, start, gap) for start in starts for gap in gaps]
         tried.sort(key=lambda one: -one[1])
@@ -184,12 +184,12 @@ class Path:
         if is_second:
             for twist in [_last_twist(part) for part, of_part in tried if of_part > DOUBTFUL * share]:
                 self.starts += [twist] if _is_other(twist, self.starts) else []
-        self.share = max(share, 0.9 * self.share)
+        self.share = 0.5 * (self.share + share) if self.share else share
         return share
 
     def _recent(self) -> Window:
         """Return the part of the window that a new scan may change or is aligned with."""
-        return self.window.part(max(len(self.window) - self._scans(self._reach), 0))
+        return self.window.part(max(len(self.window) - self._scans(self.reach), 0))
 
     def _take(self, part: Window) -> None:
         """Replace the last scans of the window by `part`."""
@@ -236,8 +236,8 @@ class Path:
 
 
 def _is_other(start: Array, others: list[Array]) -> bool:
-    """Return whether a motion (6,) to the second scan is none of `others`, to half of the least of `FIRST_STEPS`."""
-    return all(np.linalg.norm((start - other)[:3]) > 0.5 * min(FIRST_STEPS) for other in others)
+    """Return whether a motion (6,) to the second scan is none of `others`, to half a surfel."""
+    return all(np.linalg.norm((start - other)[:3]) > 0.5 * SURFEL for other in others)
 
 
 def _last_twist(window: Window) -> Array:

@@ -15,24 +15,24 @@ from automos.core.geometry import Array
 from automos.core.kernels import kernel
 from automos.core.scan import MIN_RANGE, Mask, Points, Scan, Sequence
 
-N_BLOCKS = 400
-"""Blocks of a scan: small enough for the time of a point, large enough to contain every beam."""
-MIN_BLOCK = 128
-"""Points per block, at least: azimuth offsets of beams must average out."""
+N_BLOCKS = 180
+"""Blocks of a scan, of about two degrees: small enough for the time of a point, large enough for several firings of
+every beam, so that their azimuth offsets average out."""
 SAMPLES = 5
 """Scans, or pairs of neighbouring ones, from which it is learnt how a recording was made."""
-SECTORS, ALL_ROUND = 36, 30
-"""Sectors of azimuth, and in how many a sensor that spins about its z axis has points."""
-MIN_CONCENTRATION = 0.9
-"""Length of the mean direction within a block, at least: 1 if all azimuths agree, 0 if the file is shuffled."""
-NEARLY_ALL = 0.95
-"""Share of blocks that must advance in the overall direction, and of points on which two timings must agree."""
-FIXED = 0.005
-"""Turns by which a fixed start may drift from one scan to the next."""
+SECTORS = 36
+"""Sectors of azimuth: a sensor that spins about its z axis has points in more than half of them, no other has."""
+NEARLY_ALL = 0.9
+"""Share of blocks that must advance in the overall direction, of points on which two timings must agree, and length of
+the mean direction within a block, at least: 1 if all azimuths agree, 0 if the file is shuffled."""
+SAME_TIME = 0.02
+"""Share of the time between scans by which two consistent timings of a point may differ; and turns by which a fixed
+start may drift from one scan to the next, or a scan may be more or less than one, before the motion on which raw scans
+agree is clearly wrong."""
 NOISE = 0.1
 """Turns by which a block may lie behind the previous one (noise of points near the axis); more is a gap ahead."""
-TURNS = (0.2, 3.0)
-"""Turns in a scan, least and most: less may be a narrow field of view, more is a file sorted by beam."""
+MOST_TURNS = 3.0
+"""Turns in a scan, at most: more is a file sorted by beam."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def learn_order(sequence: Sequence) -> PointOrder | None:
     whole += drift + whole < 0.5 * turns  # a narrow field of view still takes one turn
     per_scan = float(np.median(drift + whole))
     mean = np.exp(2j * np.pi * start).mean()
-    is_fixed = np.abs(mean) > MIN_CONCENTRATION and abs(per_scan - round(per_scan)) < FIXED
+    is_fixed = np.abs(mean) > NEARLY_ALL and abs(per_scan - round(per_scan)) < SAME_TIME
     return PointOrder(turn, turns, per_scan, float(np.angle(mean) / (2.0 * np.pi)) if is_fixed else None)
 
 
@@ -81,9 +81,9 @@ def sample_pairs(sequence: Sequence) -> list[int]:
 
 
 def sees_all_round(sequence: Sequence) -> bool:
-    """Whether scans have points at nearly all azimuths, as from a sensor that spins about its z axis."""
+    """Whether scans have points at most azimuths, as from a sensor that spins about its z axis."""
     seen = (azimuths(sequence[i].points)[1] for i in evenly_spread(range(len(sequence)), SAMPLES))
-    return max(len(np.unique(np.floor(SECTORS * turns))) for turns in seen) >= ALL_ROUND
+    return max(len(np.unique(np.floor(SECTORS * turns))) for turns in seen) > SECTORS / 2
 
 
 def azimuths(points: Points) -> tuple[Mask, Array]:
@@ -98,7 +98,7 @@ def turns_since_start(scan: Scan, order: PointOrder) -> npt.NDArray[np.float32]:
 
     Invalid points have the turns of their neighbours.
     """
-    block = max(len(scan) // N_BLOCKS, MIN_BLOCK)
+    block = max(len(scan) // N_BLOCKS, 1)
     azimuth, _ = _block_azimuths(scan.points, block)
     turned = _at_points(_unwrap(azimuth, order.turn), block, len(scan))
     _follow_gaps(scan.points, azimuth, order.turn, block, turned)
@@ -112,16 +112,16 @@ def turns_since_start(scan: Scan, order: PointOrder) -> npt.NDArray[np.float32]:
 
 def _read(scan: Scan) -> tuple[int, float, float] | None:
     """Return a scan's direction of rotation, its first azimuth and its span (both in turns)."""
-    block = max(len(scan) // N_BLOCKS, MIN_BLOCK)
+    block = max(len(scan) // N_BLOCKS, 1)
     azimuth, concentration = _block_azimuths(scan.points, block)
     is_known = np.isfinite(azimuth)
     if is_known.sum() < 10:
         return None
     steps = np.diff(azimuth[is_known]) - np.round(np.diff(azimuth[is_known]))
     turn = 1 if steps.sum() > 0.0 else -1
-    if np.median(concentration[is_known]) > MIN_CONCENTRATION and np.mean(turn * steps > 0.0) > NEARLY_ALL:
+    if np.median(concentration[is_known]) > NEARLY_ALL and np.mean(turn * steps > 0.0) > NEARLY_ALL:
         whole = _at_points(_unwrap(azimuth, turn), block, len(scan))
-        if TURNS[0] < whole[-1] < TURNS[1]:
+        if whole[-1] < MOST_TURNS:
             first = azimuth[is_known][0] - turn * whole[np.flatnonzero(is_known)[0] * block + block // 2]
             return turn, float(first % 1.0), float(whole[-1])
     return None

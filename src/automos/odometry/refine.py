@@ -17,18 +17,16 @@ from automos.odometry.links import Alignment, Consistency, Link, Links, consiste
 from automos.odometry.motion import can_be_driven
 from automos.odometry.speed import SpeedSearch, is_ahead, lengthen, search_speed
 from automos.odometry.submap import Fit
-from automos.odometry.window import SAME_POSE, Window
+from automos.odometry.surfels import SURFEL
+from automos.odometry.window import ROUNDS, SAME_POSE, Window
 from automos.settings import OdometrySettings
 
 INFORMATION = 0.05
 """Share of a surfel's weight that counts, since errors of neighbouring surfels are correlated."""
-LOOSE = 1e-3  # prior information on every pose, which keeps scans without links in place
-SPEED_ROUNDS = 5  # searches for the speed, at most, each from the poses of the previous one
-FIRST_STEPS = (0.4, 0.8, 1.2, 1.8, 2.5)
-"""Metres along the sensor's axes to the second scan: a registration that starts at rest may stay there."""
 WIDE = 3.0
 """Metres between points that match, at most: a sensor in a hand is turned within a scan by more than surfaces are
 looked for."""
+LOOSE = 1e-3  # prior information on every pose, which keeps scans without links in place
 
 
 def align(
@@ -141,7 +139,7 @@ def _at_likely_speed(
 
     def settled(window: Window, search: SpeedSearch) -> tuple[Window, SpeedSearch]:
         """Return the window at the speed to which the `search` from its poses leads, and the last search."""
-        for _ in range(SPEED_ROUNDS - 1):
+        for _ in range(ROUNDS - 1):
             if not (missing := free(search.missing)).any():
                 break
             window = longer(window, missing)
@@ -160,10 +158,14 @@ def _at_likely_speed(
     return window, search
 
 
-def first_steps(T: Pose) -> Pose:
-    """Return (K, 4, 4) where the scan after the first one, at `T`, is looked for: `FIRST_STEPS` to all four sides."""
+def first_steps(T: Pose, fastest: float) -> Pose:
+    """Return (K, 4, 4) where the scan after the first one, at `T`, is looked for: to all four sides, at all speeds.
+
+    A registration that starts at rest may stay there; it leads to what lies a voxel ahead. `fastest` : metres.
+    """
     axes = np.concatenate([np.eye(6)[:2], -np.eye(6)[:2]])
-    return T @ se3_exp(np.concatenate([step * axes for step in FIRST_STEPS]))
+    steps = np.arange(2.0 * SURFEL, max(fastest, 4.0 * SURFEL), 2.0 * SURFEL)
+    return T @ se3_exp(np.concatenate([step * axes for step in steps]))
 
 
 def registered(window: Window) -> Pose:

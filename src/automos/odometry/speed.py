@@ -21,6 +21,7 @@ from automos.core.scan import Mask, Pose
 from automos.odometry.facing import (
     LAGS,
     LANDMARKS,
+    SAME_SPEED,
     STEP,
     UNLIKELY,
     SpeedScores,
@@ -32,17 +33,12 @@ from automos.odometry.motion import MIN_STEP
 from automos.odometry.window import Window
 from automos.settings import OdometrySettings
 
-GAIN = 0.2
-"""Share of a full score by which that of another speed must be higher, and prior of the registration's own speed."""
-MIN_RATIO = 0.8  # least ratio of the true speed to the initial estimate
 MIN_STRAIGHTNESS = 0.8
 """Least agreement of steps on a direction in the sensor's frame, 0 to 1."""
-OTHER_SPEED = 1.0  # m/s from which two speeds are considered different
 CLEARLY_MORE = 1.2
 """Standard deviations of the evidence by which a speed must lead another."""
 AHEAD = 0.1
 """Share of the landmarks re-observed at the rival speed by which it must lead to put the current speed in doubt."""
-NEAR_STEPS = 2  # steps of speed within which two speeds count as the same
 
 
 class Landmarks(NamedTuple):
@@ -69,7 +65,7 @@ class Landmarks(NamedTuple):
 
     def lead_over(self, other: Self) -> float:
         """Return the lead in evidence where speeds differ, in standard deviations of the counts (Anscombe)."""
-        differ = np.abs(self.speeds - other.speeds) >= OTHER_SPEED
+        differ = np.abs(self.speeds - other.speeds) > SAME_SPEED
         here, there = np.sqrt(np.array([self._evidence(differ), other._evidence(differ)]) + 3.0 / 8.0)
         return float(np.sqrt(2.0) * (here - there))
 
@@ -77,10 +73,6 @@ class Landmarks(NamedTuple):
         """Return the re-observed evidence at `places`, minus the part of the expected evidence that is missing."""
         refound, expected = self.refound[places].sum(), self.expected[places].sum()
         return float(max(refound - max(expected - refound, 0.0), 0.0))
-
-
-NOTHING = Landmarks(*np.zeros((3, 0)))
-"""The result without any places."""
 
 
 def is_ahead(rival: Landmarks, present: Landmarks, is_possible: bool) -> bool:
@@ -106,7 +98,8 @@ def search_speed(window: Window, settings: OdometrySettings, pool: ThreadPoolExe
     steps = window.steps
     nothing = np.zeros((len(steps), 3))
     if len(steps) == 0:
-        return SpeedSearch(nothing, nothing, NOTHING, NOTHING)
+        none = Landmarks(np.zeros(0), np.zeros(0), np.zeros(0))
+        return SpeedSearch(nothing, nothing, none, none)
     known = direction_of(steps)
     best, best_gain, found = nothing, 0.0, []
     # A mistaken standstill has no direction: try both horizontal axes of the sensor, usually those of the vehicle.
@@ -168,15 +161,16 @@ def _follow_speed(
     rows, nothing = np.arange(len(present)), np.zeros(len(window) - 1)
     if is_guess and is_stationary(scores.refound[rows, :, nearest].sum(axis=0), scores.whole.sum(axis=0)):
         return nothing, 0.0
-    penalised = scores.with_priors(scores.by_all, MIN_RATIO)
+    penalised = scores.with_priors(scores.by_all)
     is_present = np.abs(speeds - present[:, None]) < 1.5 * STEP
-    lead = 0.0 if is_guess else GAIN  # no prior for a mistaken standstill
+    lead = 0.0 if is_guess else UNLIKELY  # no prior for a mistaken standstill
     path = _best_path(penalised + lead * is_present, speeds, scores.times, settings.usual_acceleration)
     gain = penalised[rows, path] - penalised[rows, nearest]
-    is_better = gain > GAIN
+    is_better = gain > UNLIKELY
     if not is_better.any():
         return nothing, 0.0
-    is_right = ~is_better & (np.abs(path - nearest) <= NEAR_STEPS) & (penalised[rows, nearest] > GAIN)
+    is_same = np.abs(speeds[path] - speeds[nearest]) <= SAME_SPEED
+    is_right = ~is_better & is_same & (penalised[rows, nearest] > UNLIKELY)
     change = np.where(is_better, speeds[path] - present, 0.0)
     is_known = is_better | is_right  # elsewhere, the error is interpolated
     change = np.interp(scores.times, scores.times[is_known], change[is_known])
@@ -185,7 +179,7 @@ def _follow_speed(
 
 def _follow_landmarks(scores: SpeedScores, window: Window, settings: OdometrySettings, forward: Array) -> SpeedSearch:
     """Return the speed along `forward` (3,) according to landmarks alone."""
-    penalised = scores.with_priors(scores.by_landmarks, 0.0)
+    penalised = scores.with_priors(scores.by_landmarks)
     path = _best_path(penalised, scores.speeds, scores.times, settings.usual_acceleration)
     here, there = _landmarks_along(scores, scores.nearest), _landmarks_along(scores, path)
     growth = _growth(scores.times, there.speeds - scores.present, window)
@@ -194,7 +188,8 @@ def _follow_landmarks(scores: SpeedScores, window: Window, settings: OdometrySet
 
 def _landmarks_along(scores: SpeedScores, path: npt.NDArray[np.int64]) -> Landmarks:
     """Return the landmarks that are re-observed at nearly the speeds with indices `path` (M,)."""
-    near = np.clip(path[:, None] + np.arange(-NEAR_STEPS, NEAR_STEPS + 1), 0, len(scores.speeds) - 1)
+    reach = int(SAME_SPEED / STEP)
+    near = np.clip(path[:, None] + np.arange(-reach, reach + 1), 0, len(scores.speeds) - 1)
     refound = np.take_along_axis(np.einsum("k,mks->ms", LANDMARKS, scores.refound), near, axis=1).max(axis=1)
     share = expected_share(scores.speeds[path, None] * np.array(LAGS)).mean(axis=1)
     return Landmarks(scores.speeds[path], refound, scores.whole @ LANDMARKS * share)

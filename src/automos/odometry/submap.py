@@ -16,9 +16,8 @@ from automos.core.cells import moved
 from automos.core.covariances import across, eigenvalues, eigenvector, variance_along
 from automos.core.geometry import Array
 from automos.core.kernels import kernel
-from automos.core.scan import Points, Pose
+from automos.core.scan import MIN_RANGE, Points, Pose
 from automos.core.voxels import find_slot
-from automos.odometry.elevation import ON_AXIS
 from automos.odometry.surfels import SURFEL, Surfels, key_at_level, level_of
 
 NOISE = 0.03
@@ -169,7 +168,7 @@ def _shape_voxels(sums):  # type: ignore[no-untyped-def]
         c[0], c[1], c[2] = row[4] * w - x * x, row[5] * w - x * y, row[6] * w - x * z
         c[3], c[4], c[5] = row[7] * w - y * y, row[8] * w - y * z, row[9] * w - z * z
         low, middle, high = eigenvalues(c)
-        wide = (0.12 * 2.0 * SURFEL * (1 << level_of(x, y, z))) ** 2
+        wide = (CLOSE * (1 << level_of(x, y, z))) ** 2
         turn = 1.0
         if middle > wide:
             if low < THIN * middle:  # a plane
@@ -191,7 +190,7 @@ def _rise(nx, ny, nz, p):  # type: ignore[no-untyped-def]
     """Return the metres along the direction n that a point `p` moves for each radian that its beam points higher."""
     x, y, z = float(p[0]), float(p[1]), float(p[2])
     level = np.sqrt(x * x + y * y)
-    return nz * level - z * (nx * x + ny * y) / max(level, ON_AXIS)
+    return nz * level - z * (nx * x + ny * y) / max(level, MIN_RANGE)
 
 
 @kernel

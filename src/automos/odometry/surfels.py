@@ -26,8 +26,6 @@ NEAR = 20.0
 """Metres up to which voxels have their smallest size: beams of usual sensors are at most 10 cm apart there."""
 SURFEL = 0.4
 """Metres, smallest voxel edge for surfels: large enough for several points, small enough to be flat."""
-MAX_RANGE = 80.0
-"""Metres; surfels farther away are larger than the errors they should reveal."""
 MIN_SURFEL_POINTS = 3
 """Points of a surfel, at least: fewer have no extent."""
 
@@ -130,8 +128,6 @@ def _sum_moments(points, times, has_seam, size):  # type: ignore[no-untyped-def]
     inverse_voxel = 1.0 / SURFEL
     for i in range(len(points)):
         x, y, z = float(points[i, 0]), float(points[i, 1]), float(points[i, 2])
-        if not (x * x + y * y + z * z < MAX_RANGE * MAX_RANGE):
-            continue
         key = key_at_level(x, y, z, level_of(x, y, z), inverse_voxel)
         if has_seam and times[i] > 0.0:  # at the seam, separates the start of the sweep from its end
             key |= 4

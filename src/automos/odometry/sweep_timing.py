@@ -11,13 +11,10 @@ import numpy.typing as npt
 
 from automos.core.scan import Points, Scan
 from automos.odometry.drifting_seam import drifting_times, turns_from
-from automos.odometry.point_order import NEARLY_ALL, PointOrder, turns_since_start
+from automos.odometry.point_order import NEARLY_ALL, SAME_TIME, PointOrder, turns_since_start
 
 LONGEST_SWEEP = 1e4
 """Seconds; larger values are not times within a sweep: the slowest surveying scanners take minutes."""
-SAME_TIME = 0.02
-"""Share of the time between scans by which two consistent timings of a point may differ; and turns that a scan may be
-more or less than one, before the motion on which raw scans agree is clearly wrong."""
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from automos.odometry.drifting_seam import learn_drifting_seam
 from automos.odometry.moving_windows import WINDOWS, Search, moving_windows
 from automos.odometry.one_lidar import with_one_lidar
 from automos.odometry.point_order import SAMPLES, learn_order, sees_all_round
-from automos.odometry.sweep_timing import SAME_TIME, SweepTiming, recorded_duration
+from automos.odometry.sweep_timing import SweepTiming, recorded_duration
 from automos.settings import OdometrySettings
 
 _log = logging.getLogger(__name__)
@@ -82,13 +82,12 @@ def choose_timing(
     is_round = sees_all_round(sequence)
     is_by_azimuth = is_round and all(timing.source != "order" for timing in timed)
     drifting = _drifting_timings(sequence) if is_by_azimuth else []
-    is_cut = any(abs(timing.turns_per_scan - 1.0) > SAME_TIME for timing in [*timed, *drifting])
     if len(timed) == 2 and timed[0].agrees_with(timed[1], sequence[len(sequence) // 2]):
         timed = timed[:1]
     steady = [] if timed or is_round else [AT_A_STEADY_RATE]
     none = [] if sequence.is_compensated is False else [SweepTiming()]
     untimed = [] if wanted == "azimuth" else [*none, *steady]
-    search, best = Search(settings, pool, is_cut), None
+    search, best = Search(settings, pool), None
     known = [] if assumed is None or assumed == SweepTiming() or assumed.has_fixed_seam else [assumed]
     from_points = {timing.source: timing for timing in [*known, *timed, *drifting, *steady]}
     for window in moving_windows(sequence, settings, poses, clock, list(from_points.values()), pool):
@@ -116,7 +115,7 @@ def _best_hypothesis(
     """Return the best hypothesis: recorded times, none, or by azimuth; also over part of the time between scans."""
     reversed_sweeps = [replace(timing, share=-timing.share) for timing in timed[:1]]
     known = [*timed, *untimed]  # what the recording itself says comes first, and the others must be clearly better
-    best = search.best(known[:1], selected=known[1:], rare=reversed_sweeps)
+    best = search.best(known[:1], selected=[*known[1:], *reversed_sweeps])
     if is_by_azimuth and (best is None or best.source == "none"):
         best = search.best(drifting, selected=untimed) if drifting else _best_seam(search, untimed)
     if best is None:
@@ -127,7 +126,7 @@ def _best_hypothesis(
         likely = search.likeliest(CIRCLE, 1)
     shorter = [replace(full, share=share * full.share) for full in likely for share in _shares(full, clock)]
     is_shorter = len(shorter) > 0 and search.likeliest([best, *shorter], 1) != [best]
-    return search.best([best], rare=shorter) if is_shorter else best
+    return search.best([best], selected=shorter) if is_shorter else best
 
 
 def _best_seam(search: Search, untimed: list[SweepTiming]) -> SweepTiming | None:
@@ -147,7 +146,7 @@ def _shares(timing: SweepTiming, clock: Clock) -> list[float]:
     if timing.source == "file":  # its times contain the sweep duration
         return []
     usual = [period / clock.period for period in USUAL_PERIODS] if clock.has_stamps else []
-    return sorted({0.5, *(round(share, 3) for share in usual if share < 0.45)})
+    return sorted({0.5, *(round(share, 3) for share in usual if share < 0.5)})
 
 
 def rear_seam() -> SweepTiming:

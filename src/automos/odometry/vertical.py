@@ -16,6 +16,7 @@ from automos.core.geometry import Array, inverse, make_transform, rotation_betwe
 from automos.core.kernels import kernel
 from automos.core.scan import Points, Pose
 from automos.odometry.motion import MIN_POINTS
+from automos.odometry.submap import CLOSE, NOISE
 from automos.odometry.surfels import NEAR
 from automos.settings import OdometrySettings
 
@@ -24,10 +25,6 @@ Shapes = tuple[Points, npt.NDArray[np.float32]]
 
 TRIALS = 1000
 """Planes through three surfels that are tried: if a fifth of the surface is ground, eight of them lie on it."""
-DISTANCE = 0.15
-"""Metres between a plane and its inliers, at most: allows for kerbs and ruts."""
-FLAT = DISTANCE / 3.0
-"""Metres, deviation along the normal of a surfel that lies in a plane, at most; one that stands has more."""
 STANDING = 1.0
 """Metres above a plane in which things stand on it."""
 SHARE = 0.1
@@ -93,7 +90,6 @@ def _find_plane(points: Array, covariance: Array, settings: OdometrySettings) ->
     """
     rng = np.random.default_rng(0)
     a, b, c = points[rng.integers(0, len(points), (TRIALS, 3)).T]
-    tested = rng.permutation(len(points))[:5000]
     normals = np.cross(b - a, c - a)
     length = np.linalg.norm(normals, axis=1)
     is_plane = length > 1e-6
@@ -104,11 +100,11 @@ def _find_plane(points: Array, covariance: Array, settings: OdometrySettings) ->
     is_in_tilt = np.abs(normals[:, 2]) > np.cos(np.radians(settings.max_tilt_deg))
     is_possible = is_in_tilt & (heights > settings.min_height) & (heights < settings.max_height)
     normals, heights = normals[is_possible], heights[is_possible]
-    lying, standing = _score_planes(points[tested], covariance[tested], normals, heights)
+    lying, standing = _score_planes(points, covariance, normals, heights)
     is_upright = normals[:, 2] > np.cos(np.radians(UPRIGHT_DEG))
     prior = np.where(is_upright, 1.0, UNUSUAL)
     best = [max(rows, key=lying.__getitem__) for k in (True, False) if len(rows := np.flatnonzero(is_upright == k))]
-    best = [k for k in best if prior[k] * lying[k] >= SHARE * len(tested)]
+    best = [k for k in best if prior[k] * lying[k] >= SHARE * len(points)]
     if not best:
         return None, False
     score = lying + standing
@@ -128,12 +124,12 @@ def _score_planes(points, covariance, normals, heights):  # type: ignore[no-unty
         normal = normals[j, 0], normals[j, 1], normals[j, 2]  # numbers: a row of an array would be counted who holds it
         for i in range(len(points)):
             d = heights[j] + normal[0] * points[i, 0] + normal[1] * points[i, 1] + normal[2] * points[i, 2]
-            if d < -3.0 * DISTANCE:
+            if d < -3.0 * CLOSE:
                 lying[j] -= 2.0
             elif abs(d) < STANDING:
                 c = covariance[i]
-                is_flat = variance_along((c[0], c[1], c[2], c[3], c[4], c[5]), normal) < FLAT * FLAT
-                if is_flat and abs(d) < DISTANCE:
+                is_flat = variance_along((c[0], c[1], c[2], c[3], c[4], c[5]), normal) < NOISE * NOISE
+                if is_flat and abs(d) < CLOSE:
                     lying[j] += 1.0
                 elif d > 0.0 and not is_flat:
                     standing[j] += 1.0
@@ -144,10 +140,10 @@ def _fit_plane(points: Array, covariance: Array, plane: Array) -> Array:
     """Return `plane` (4,) fitted to what lies near it, with a decreasing distance (reweighted least squares)."""
     normal = plane[:3]
     spread = covariance @ (normal[[0, 0, 0, 1, 1, 2]] * normal[[0, 1, 2, 1, 2, 2]] * [1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
-    lying = points[spread < FLAT * FLAT]
+    lying = points[spread < NOISE * NOISE]
     for reach in (4.0, 2.0, 1.0, 1.0):
         residual = lying @ plane[:3] + plane[3]
-        near = lying[np.abs(residual) < reach * DISTANCE]
+        near = lying[np.abs(residual) < reach * CLOSE]
         if len(near) < MIN_POINTS:
             return plane
         centre = near.mean(axis=0)

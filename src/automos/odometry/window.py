@@ -11,20 +11,18 @@ from automos.core.geometry import Array, inverse
 from automos.core.scan import Mask, Pose
 from automos.odometry.motion import step_twists
 from automos.odometry.submap import NOISE
-from automos.odometry.surfels import Surfels
+from automos.odometry.surfels import NEAR, Surfels
 
 SAME_POSE = NOISE / 10.0
 """Metres within which poses are the same, a tenth of a surfel's noise: iterations end, and what fitted still does."""
-SAME_SURFACE = NOISE / 3.0
-"""Metres by which scans move on a submap that stays what it is."""
-NEAR = 15.0
-"""Metres, distance of typical walls: weight of a rotation relative to a translation."""
+ROUNDS = 4
+"""Estimates of what hangs on the poses that hang on it (the speed, missing scans, the beams), at most."""
 
 
-def is_moved(T: Pose, T_now: Pose, limit: float = SAME_POSE) -> Mask:
-    """Return (...,) whether poses (..., 4, 4) differ by more than `limit`, metres."""
+def is_moved(T: Pose, T_now: Pose) -> Mask:
+    """Return (...,) whether poses (..., 4, 4) differ by more than `SAME_POSE` where surfaces are near."""
     turned = np.abs(T_now[..., :3, :3] - T[..., :3, :3]).max(axis=(-2, -1))
-    return np.linalg.norm(T_now[..., :3, 3] - T[..., :3, 3], axis=-1) + NEAR * turned > limit
+    return np.linalg.norm(T_now[..., :3, 3] - T[..., :3, 3], axis=-1) + NEAR * turned > SAME_POSE
 
 
 def small_motion(T: Pose, T_now: Pose) -> Array:
