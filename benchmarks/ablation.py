@@ -108,8 +108,8 @@ def _nothing_refound(window: Any, overhead: Any, pool: Any) -> npt.NDArray:
 
 REFINE, GAPS = "automos.odometry.refine", "automos.odometry.missing_scans"
 ODOMETRY: dict[str, dict[str, Any]] = {
-    "starts at other speeds": {f"{REFINE}:FIRST_STEPS": (0.0,)},
-    "a search for the speed": {f"{REFINE}:SPEED_ROUNDS": 1, f"{REFINE}:lengthen": lambda T, longer: T},
+    "starts at other speeds": {"automos.odometry.path:first_steps": lambda T, fastest: T[None]},
+    "a search for the speed": {f"{REFINE}:ROUNDS": 1, f"{REFINE}:lengthen": lambda T, longer: T},
     "a search where the sensor seems to stand": {f"{REFINE}:search_speed": _without_direction},
     "the rival that landmarks propose": {f"{REFINE}:is_ahead": lambda *evidence: False},
     "isolated points": {

@@ -116,9 +116,8 @@ class Labeler:
     def warm_up(self) -> None:
         """Load what labelling needs, or compile it (up to a minute): then the first scan is as fast as others."""
         labeler = Labeler(self.settings, lag=self.lag, threads=self._threads)
-        for i in range(WARM_UP):
-            sweep, stamp = made_up_sweep(USUAL_PERIOD * i).astype(np.float32), USUAL_PERIOD * i
-            labeler.push(np.random.default_rng(i).permutation(sweep), stamp)  # in any order timing takes most to find
+        for stamp in USUAL_PERIOD * np.arange(WARM_UP):  # of points in any order, timing takes most to find
+            labeler.push(np.random.default_rng(0).permutation(made_up_sweep(stamp)).astype(np.float32), stamp)
         labeler.finish()
 
     def push(self, scan: Scan | npt.ArrayLike, stamp: float | None = None) -> list[LabelledScan]:

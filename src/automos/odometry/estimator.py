@@ -31,6 +31,9 @@ from automos.odometry.timing import TimingChoice
 from automos.odometry.window import Window
 from automos.settings import OdometrySettings
 
+SPEED_SCANS = 3
+"""Scans in which the speed is first searched: over one step traffic explains as much as the road."""
+
 
 @dataclass(frozen=True, eq=False)
 class Moved:
@@ -142,7 +145,7 @@ class Odometry:
     def _start_tasks(self) -> None:
         """Start the background tasks for which there are enough scans."""
         settings, is_settled = self._settings, self._correction is None and not self.path.is_patient
-        is_due = self._clock.stamp >= self._search_at
+        is_due = self._n >= SPEED_SCANS and self._clock.stamp >= self._search_at
         if is_settled and is_due and not self._speed_task.is_started:
             self._speed_task = BackgroundTask(min(DELAY, 0.5 * self._n * self._clock.period))
             search = partial(_other_speed, self.path.window, self.path.stamps, settings)
@@ -202,7 +205,8 @@ class Odometry:
             one.follow(len(first_two))
         for one in tried:
             one.advance()
-        return max((one.path for one in tried), key=lambda path: path.share).twist
+        best = max((one.path for one in tried), key=lambda path: path.share)
+        return self.path.twist if best is tried[0].path else best.twist
 
     def _searched(self, now: float) -> Stamped | None:
         """Return the last scans at another speed if a search has found one; and plan the next search.

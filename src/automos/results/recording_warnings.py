@@ -8,6 +8,7 @@ from automos.core.errors import InputError
 from automos.core.scan import Sequence
 from automos.odometry.clock import GAP, USUAL_PERIOD
 
+USUAL_RATE = 1.0 / USUAL_PERIOD
 NEAREST, FARTHEST = 0.15, 10.0
 """Seconds between a scan and those that can show what moved: the spans of the evidence, with their tolerance."""
 ENOUGH = 8
@@ -34,21 +35,20 @@ def scan_rate(sequence: Sequence, rate: float | None = None) -> dict[str, float 
     if sequence.stamps is not None and len(sequence.stamps) > 1:
         usual = float(np.median(np.diff(sequence.stamps)))
         return {"rate_hz": round(1.0 / max(usual, 1e-9), 3), "rate_from": "times"}
-    return {"rate_hz": rate or 1.0 / USUAL_PERIOD, "rate_from": "assumed" if rate is None else "given"}
+    return {"rate_hz": rate or USUAL_RATE, "rate_from": "assumed" if rate is None else "given"}
 
 
 def _assumed(sequence: Sequence, rate: float | None) -> list[str]:
     """Where nothing tells the time, speeds are a guess."""
     if sequence.stamps is not None or rate is not None or len(sequence) < 2:
         return []
-    usual = f"{1.0 / USUAL_PERIOD:g} scans a second"
-    return [f"No scan has a time: {usual} are assumed. If it is another number, give --rate HZ."]
+    return [f"No scan has a time: {USUAL_RATE:g} scans a second are assumed. If it is another number, give --rate HZ."]
 
 
 def _few(sequence: Sequence, rate: float | None) -> list[str]:
     """Where hardly another scan can be asked about a scan, nothing moving is not a finding."""
     n = len(sequence)
-    stamps = np.arange(n) / (rate or 1.0 / USUAL_PERIOD) if sequence.stamps is None else sequence.stamps
+    stamps = np.arange(n) / (rate or USUAL_RATE) if sequence.stamps is None else sequence.stamps
     asked = np.array(evenly_spread(stamps, 50))  # all pairs of scans would fill the memory
     apart = np.abs(asked[:, None] - stamps[None])
     others = int(np.median(((apart >= NEAREST) & (apart <= FARTHEST)).sum(axis=1))) if n else 0

@@ -14,9 +14,9 @@ import numpy.typing as npt
 from automos.core.arrays import evenly_spread
 from automos.core.errors import AutomosError
 from automos.core.scan import Scan, Sequence
-from automos.odometry.clock import GAP, USUAL_PERIOD
+from automos.odometry.clock import GAP
 from automos.readers import find_recordings, kind_of, open_sequence
-from automos.results.recording_warnings import recording_warnings
+from automos.results.recording_warnings import USUAL_RATE, recording_warnings
 
 if TYPE_CHECKING:
     from automos.simulation.sensing.sensors import Sensor
@@ -147,7 +147,7 @@ def _check_one(place: Path, format: str | None) -> Check:
         n = len(sequence)
         scans = [sequence[i] for i in evenly_spread(range(n), n if n <= LOOKS else LOOKS // 2 - 1)]
         _look_at(scans, found)
-        found.doubts = recording_warnings(sequence, 1.0 / USUAL_PERIOD)
+        found.doubts = recording_warnings(sequence, USUAL_RATE)
         if empty := [scan.name for scan in scans if not scan.is_valid.any()]:
             found.doubts.append(f"{len(empty)} of {len(scans)} scans looked at have no points of use, as {empty[0]}.")
         _look_beside(sequence, found)
@@ -239,9 +239,7 @@ def _look_beside(sequence: Sequence, found: Check) -> None:
         found.period = float(np.median(steps))
         found.gaps = int((steps > GAP * found.period).sum())
     else:
-        found.assumed.append(
-            f"{1.0 / USUAL_PERIOD:.0f} scans a second, as no file says when: times.txt would, or label --rate"
-        )
+        found.assumed.append(f"{USUAL_RATE:.0f} scans a second, as no file says when: times.txt would, or label --rate")
     if found.sweep is None and sequence.is_compensated is None:
         found.assumed.append("when in its sweep a point was measured is found from directions and from how scans fit")
     if "intensity" not in found.fields:
