@@ -168,7 +168,7 @@ def _shape_voxels(sums):  # type: ignore[no-untyped-def]
         c[0], c[1], c[2] = row[4] * w - x * x, row[5] * w - x * y, row[6] * w - x * z
         c[3], c[4], c[5] = row[7] * w - y * y, row[8] * w - y * z, row[9] * w - z * z
         low, middle, high = eigenvalues(c)
-        wide = (CLOSE * (1 << level_of(x, y, z))) ** 2
+        wide = (0.12 * 2.0 * SURFEL * (1 << level_of(x, y, z))) ** 2
         turn = 1.0
         if middle > wide:
             if low < THIN * middle:  # a plane
