@@ -24,7 +24,7 @@ from automos.odometry.correction import Correction
 from automos.odometry.followed import Followed, Posed, Stamped, TimedScan
 from automos.odometry.moving_windows import WINDOW_SCANS
 from automos.odometry.path import WINDOW, Path
-from automos.odometry.point_order import SAME_TIME
+from automos.odometry.point_order import NEARLY_ALL, SAME_TIME
 from automos.odometry.settling import at_another_speed
 from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.timing import TimingChoice
@@ -195,7 +195,7 @@ class Odometry:
     def _likeliest_start(self) -> npt.NDArray[np.float64]:
         """Return the motion (6,) from the first scan to the second under which both, undistorted by it, fit best.
 
-        Until they are, rings of a few beams on the ground fit best at rest.
+        Until they are, rings of a few beams on the ground fit best at rest. What fits hardly better changes nothing.
         """
         if len(self.path.starts) < 2:
             return self.path.twist
@@ -206,7 +206,7 @@ class Odometry:
         for one in tried:
             one.advance()
         best = max((one.path for one in tried), key=lambda path: path.share)
-        return self.path.twist if best is tried[0].path else best.twist
+        return best.twist if tried[0].path.share < NEARLY_ALL * best.share else self.path.twist
 
     def _searched(self, now: float) -> Stamped | None:
         """Return the last scans at another speed if a search has found one; and plan the next search.
