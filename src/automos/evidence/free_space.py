@@ -125,9 +125,9 @@ def partners_of(stamp: float, stamps: Array, is_far: Mask, settings: FreeSpaceSe
 
 
 def spans_of(settings: FreeSpaceSettings) -> Array:
-    """Return (S,) seconds between scans that are compared, each longer than the one before by the first or by 30 %."""
+    """Return (S,) seconds between scans that are compared, each longer than the one before by the first or a third."""
     spans = [SHORTEST]
-    while (longer := spans[-1] + max(SHORTEST, 0.3 * spans[-1])) < settings.longest_span:
+    while (longer := spans[-1] + max(SHORTEST, spans[-1] / 3.0)) < settings.longest_span:
         spans.append(longer)
     return np.array(spans)
 
