@@ -41,8 +41,7 @@ def test_a_filter_keeps_what_is_open_in_sight(browser, server):
 
 
 def test_an_object_is_cut_and_joined_again_by_keys(browser, server):
-    browser.get(server.url)
-    wait_for(browser, "document.body.dataset.shown")
+    open_list(browser, server)
     moving = next(t for t in server.session.overview()["items"] if t["verdict"] == "moving")["id"]
     browser.execute_script(f"document.querySelector('#queue [data-id=\"{moving}\"]').click()")
     wait_for(browser, f"document.body.dataset.shown === '{moving}'")

@@ -250,12 +250,8 @@ def test_one_key_decides_and_shows_the_next(browser, server):
 
 @pytest.mark.browser
 def test_an_object_is_drawn_in_3d_and_from_above(browser, server):
-    browser.get(server.url)
+    open_list(browser, server)
     moving = next(t for t in server.session.overview()["items"] if t["verdict"] == "moving")["id"]
-    wait_for(browser, "document.body.dataset.shown")
-    browser.execute_script(
-        "[...document.querySelectorAll('#filters button')].find(b => /^all/.test(b.textContent)).click()"
-    )
     browser.execute_script(f"document.querySelector('#queue [data-id=\"{moving}\"]').click()")
     wait_for(browser, f"document.body.dataset.shown === '{moving}'")
     browser.execute_async_script("setTimeout(arguments[0], 300)")
