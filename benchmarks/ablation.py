@@ -90,8 +90,8 @@ def _without_direction(window: Any, settings: Any, pool: Any = None) -> SpeedSea
     is_known = speed.direction_of(window.steps) is not None
     if is_known:
         return search_speed(window, settings, pool)
-    nothing, nowhere = np.zeros((len(window) - 1, 3)), Landmarks(np.zeros(0), np.zeros(0), np.zeros(0))
-    return SpeedSearch(nothing, nothing, nowhere, nowhere)
+    nothing = np.zeros((len(window) - 1, 3))
+    return SpeedSearch(nothing, nothing, Landmarks.nothing(), Landmarks.nothing())
 
 
 def _none_missing(window: Any, settings: Any, pool: Any = None) -> Any:

@@ -45,11 +45,11 @@ libc.fflush(None)
 """
 
 
-@pytest.mark.skipif(not (sys.platform == "linux" and hasattr(ctypes.CDLL(None), "malloc_info")), reason="no glibc")
 def test_a_few_items_need_no_task():
     assert map_in_shares(None, square, range(7)) == [0, 1, 4, 9, 16, 25, 36]  # type: ignore[arg-type]
 
 
+@pytest.mark.skipif(not (sys.platform == "linux" and hasattr(ctypes.CDLL(None), "malloc_info")), reason="no glibc")
 def test_threads_share_one_heap_where_they_are_asked_to():
     def heaps(call: str) -> int:
         script = HEAPS_OF_THREADS.format(call)

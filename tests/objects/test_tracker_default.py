@@ -106,9 +106,9 @@ def test_a_car_that_halts_is_seen_whole_beside_the_piece_that_the_evidence_left_
 def test_who_passes_a_post_does_not_become_it():
     # for two scans each of them is nearer to where the other was expected
     person = [0.12 * i - 1.2 for i in range(20)]
-    scans = [seen((x, 0.0, PERSON, MOVED), (0.0, 0.35, POLE, STAYED)) for x in person]
+    scans = [seen((x, 0.0, PERSON, MOVED), (0.0, 0.8, POLE, STAYED)) for x in person]
     for i in (10, 11):
-        scans[i] = seen((person[i], 0.35, PERSON, MOVED), (0.0, 0.0, POLE, STAYED))
+        scans[i] = seen((person[i], 0.8, PERSON, MOVED), (0.0, 0.0, POLE, STAYED))
     found = ways(scans, track(scans))
     assert len(found) == 2
     assert sorted(abs(way[19] - way[0]) for way in found) == pytest.approx([0.0, 19 * 0.12], abs=0.01)

@@ -22,7 +22,7 @@ from automos.odometry.background import DELAY, BackgroundTask, TimingSearch, tim
 from automos.odometry.clock import RunningClock
 from automos.odometry.correction import Correction
 from automos.odometry.followed import Followed, Posed, Stamped, TimedScan
-from automos.odometry.moving_windows import WINDOW_SCANS
+from automos.odometry.moving_windows import WINDOW_SCANS, WINDOWS
 from automos.odometry.path import WINDOW, Path
 from automos.odometry.point_order import NEARLY_ALL, SAME_TIME
 from automos.odometry.settling import at_another_speed
@@ -97,7 +97,7 @@ class Odometry:
         self._speed_task: BackgroundTask[Stamped | None] = BackgroundTask(DELAY)
         self._search_at = -np.inf  # stamp of the next search
         self._n, self._clock = 0, RunningClock()
-        self._last = deque[tuple[TimedScan, Pose]](maxlen=None if self.path.is_patient else 2 * WINDOW_SCANS)
+        self._last = deque[tuple[TimedScan, Pose]](maxlen=None if self.path.is_patient else WINDOWS * WINDOW_SCANS)
         self._correction: Correction | None = None
 
     def push(self, scan: Scan, read: Callable[[], Scan] | None = None) -> Moved:

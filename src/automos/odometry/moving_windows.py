@@ -20,8 +20,8 @@ from automos.odometry.window import Window
 from automos.settings import OdometrySettings
 
 WINDOWS = 2
-"""Windows after which a difference of a few standard errors decides, and the most if the recording gives times or an
-order of its points: where all windows show the same traffic, more of them do not help."""
+"""Windows, at most, if the recording gives times or an order of its points: where all show the same traffic, more of
+them do not help."""
 WINDOW_SCANS = 16
 """Scans per window: enough for a full turn of a seam that drifts by a tenth of a turn per scan."""
 GAIN = 0.01
@@ -175,8 +175,8 @@ class Search:
 def _compare(found: Array, best: Array) -> tuple[Array, Array]:
     """Return the mean increase (G,) of the misfits and its standard errors, from misfits (G, L) and (L,).
 
-    Each link is compared with itself, since links differ more than hypotheses; the
-    errors of those of one scan are correlated. NaN if nothing is matched.
+    Each link is compared with itself, since links differ more than hypotheses; the errors of those of one scan are
+    correlated. NaN if nothing is matched.
     """
     more = np.ma.masked_invalid(found - best)
     error = more.std(axis=1) / np.sqrt(more.count(axis=1) / (2 * len(COARSE.lags)))

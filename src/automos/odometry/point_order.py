@@ -20,8 +20,8 @@ N_BLOCKS = 180
 every beam, so that their azimuth offsets average out."""
 SAMPLES = 5
 """Scans, or pairs of neighbouring ones, from which it is learnt how a recording was made."""
-SECTORS = 36
-"""Sectors of azimuth: a sensor that spins about its z axis has points in more than half of them, no other has."""
+SECTORS, ALL_ROUND = 36, 30
+"""Sectors of azimuth, and in how many a sensor that spins about its z axis has points."""
 NEARLY_ALL = 0.9
 """Share of blocks that must advance in the overall direction, of points on which two timings must agree, and length of
 the mean direction within a block, at least: 1 if all azimuths agree, 0 if the file is shuffled."""
@@ -81,9 +81,9 @@ def sample_pairs(sequence: Sequence) -> list[int]:
 
 
 def sees_all_round(sequence: Sequence) -> bool:
-    """Whether scans have points at most azimuths, as from a sensor that spins about its z axis."""
+    """Whether scans have points at nearly all azimuths, as from a sensor that spins about its z axis."""
     seen = (azimuths(sequence[i].points)[1] for i in evenly_spread(range(len(sequence)), SAMPLES))
-    return max(len(np.unique(np.floor(SECTORS * turns))) for turns in seen) > SECTORS / 2
+    return max(len(np.unique(np.floor(SECTORS * turns))) for turns in seen) >= ALL_ROUND
 
 
 def azimuths(points: Points) -> tuple[Mask, Array]:

@@ -49,6 +49,11 @@ class Landmarks(NamedTuple):
     expected: Array  # (M,) the least evidence expected at these speeds
 
     @classmethod
+    def nothing(cls) -> Self:
+        """Return the landmarks without any places."""
+        return cls(*np.zeros((3, 0)))
+
+    @classmethod
     def concatenate(cls, parts: list[Self]) -> Self:
         """Return the landmarks of several windows, at least one."""
         return cls(*map(np.concatenate, zip(*parts, strict=True)))
@@ -98,8 +103,7 @@ def search_speed(window: Window, settings: OdometrySettings, pool: ThreadPoolExe
     steps = window.steps
     nothing = np.zeros((len(steps), 3))
     if len(steps) == 0:
-        none = Landmarks(np.zeros(0), np.zeros(0), np.zeros(0))
-        return SpeedSearch(nothing, nothing, none, none)
+        return SpeedSearch(nothing, nothing, Landmarks.nothing(), Landmarks.nothing())
     known = direction_of(steps)
     best, best_gain, found = nothing, 0.0, []
     # A mistaken standstill has no direction: try both horizontal axes of the sensor, usually those of the vehicle.

@@ -93,7 +93,7 @@ def choose_timing(
     for window in moving_windows(sequence, settings, poses, clock, list(from_points.values()), pool):
         search.add(window)
         best = _best_hypothesis(search, timed, untimed, is_by_azimuth, drifting, clock)
-        if search.is_clear or (timed and len(search.windows) == WINDOWS):
+        if search.is_clear or len(search.windows) == (WINDOWS if timed else SAMPLES):
             break
     if assumed is not None and (best is None or not search.is_ahead(best, assumed)):
         return TimingChoice(assumed, search.misfits, search.is_clear and best == assumed)
