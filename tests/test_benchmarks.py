@@ -1,6 +1,7 @@
 """Benchmarks: their experiments, recordings by name, what got worse, and tables that show what is stored, no more."""
 
 import re
+import subprocess
 import sys
 from pathlib import Path
 
@@ -314,3 +315,18 @@ def test_lags_have_a_row_a_recording_then_worlds_starts_and_departures():
     assert world == ["`city:VLP-16:60:1`", "80.0 (5)", "90.0 (5)"]
     assert (whole[1:], start[1:]) == (["80.0", "90.0"], ["50.0", "50.0"])
     assert (median[1:], worst[1:]) == (["inf", "0.00"], ["inf", "0.00"])
+
+
+def test_a_trainers_loader_is_not_given_modules_of_the_folder_that_one_is_in(tmp_path):
+    semantic = tmp_path / "LiDAR-MOS" / "mos_SalsaNext" / "train" / "tasks" / "semantic"
+    (semantic / "dataset" / "kitti").mkdir(parents=True)
+    (semantic / "__init__.py").write_text("import sys\nsys.path.insert(0, '../../')\n")  # as theirs does
+    (semantic / "dataset" / "kitti" / "parser.py").write_text("import own\nclass SemanticKitti: pass\n")
+    (semantic.parents[1] / "own.py").touch()
+    (tmp_path / "own.py").write_text("raise RuntimeError\n")
+    (tmp_path / "here" / "below" / "semantickitti").mkdir(parents=True)
+    (tmp_path / "here" / "below" / "semantickitti" / "dataset.json").write_text("{}")
+    loaders = Path(__file__).parents[1] / "benchmarks" / "consumers" / "loaders.py"
+    words = [sys.executable, str(loaders), "LiDAR-MOS", "../..", "."]
+    done = subprocess.run(words, cwd=tmp_path / "here" / "below", capture_output=True, text=True)
+    assert (done.returncode, done.stdout[:9]) == (0, "0 images "), done.stderr

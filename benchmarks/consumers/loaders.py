@@ -67,8 +67,11 @@ def kitti(repository: Path, package: str, exports: Path) -> str:
 
 def range_images(package: Path, exports: Path) -> str:
     """LiDAR-MOS, MotionSeg3D and MF-MOS: images of every seventh scan, classes of its points counted."""
-    sys.path[:0] = [str(package), str(package / "tasks" / "semantic")]
-    name = "tasks.semantic.dataset.kitti.parser" if (package / "tasks").is_dir() else "common.dataset.kitti.parser"
+    tasks, name = package / "tasks" / "semantic", "common.dataset.kitti.parser"
+    sys.path[:0] = [str(package), str(tasks)]
+    if tasks.is_dir():
+        name = "tasks.semantic.dataset.kitti.parser"
+        os.chdir(tasks)  # where LiDAR-MOS is run: it puts "../../" before all folders of modules
     loader = importlib.import_module(name).SemanticKitti
     root, said, n_scans = exports / "semantickitti", manifest(exports / "semantickitti"), 0
     for classes_file in sorted(root.glob("semantic-kitti-mos*.yaml")):
@@ -138,7 +141,7 @@ def opensceneflow(repository: Path, exports: Path) -> str:
 
 def main() -> None:
     """Run one loader and say what it read."""
-    name, repositories, exports = sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3])
+    name, repositories, exports = sys.argv[1], Path(sys.argv[2]).absolute(), Path(sys.argv[3]).absolute()
     for kind in (float, int, bool):  # they use np.float and the like, which NumPy no longer has, or has as its own
         if not hasattr(np, kind.__name__):
             setattr(np, kind.__name__, kind)
