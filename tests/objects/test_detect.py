@@ -60,6 +60,16 @@ def test_a_walker_at_a_wall_is_cut_off_it():
     assert found.has_stayed.tolist() == [False, True]
 
 
+def test_a_walker_at_a_long_wall_is_cut_off_the_points_of_it_of_which_nothing_is_known():
+    wall, walker = block(5, 0, 0.4, 24.0), block(5.4, 3.0, 0.4, 0.6)
+    unknown = np.where(np.arange(len(wall)) % 2 == 0, UNKNOWN, STAYED)  # many more of them than of the walker
+    objects, _, found = detect((wall, unknown), (walker, MOVED))
+    mine = objects[len(wall) :]
+    assert set(mine) == {0}
+    assert (objects[: len(wall)] >= 0).sum() < len(walker)
+    assert found.part_of.tolist() == [1, -1]
+
+
 def test_nothing_gives_nothing():
     objects, stayed, found = detect((np.zeros((0, 3)), 0.0))
     assert len(objects) == len(stayed) == len(found) == 0

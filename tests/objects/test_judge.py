@@ -5,7 +5,7 @@ import pytest
 
 from automos.core.upright_boxes import Boxes
 from automos.objects.detections import Detections
-from automos.objects.judge import LEFT, Past, is_scenery, judge_tracks, moving_now
+from automos.objects.judge import LEFT, Past, is_scenery, judge_tracks, lost_hits, moving_now
 from automos.objects.terms import Segments, segment_terms
 from automos.objects.tracks import Tracks
 from automos.objects.verdict import Verdict, Verdicts
@@ -168,6 +168,34 @@ def test_what_a_body_shows_elsewhere_counts_anew():
     assert said(1.0) > 1.5 * said(0.1) > 0.0
 
 
+def lost(moved, stayed, sensor=0.0, scans=20, **track):
+    """What the last sight, with these shares, says of a thing that stood; the sensor goes so many metres a scan."""
+    shares = (np.append(np.full(scans - 1, before), now) for before, now in ((0.0, moved), (0.98, stayed)))
+    _, seen = one_track(np.zeros((scans, 2)), 100, *shares, **track)
+    terms = all_of(seen).terms
+    terms.sensor[:, 0] = sensor * np.arange(scans)
+    return lost_hits(np.array([0, scans]), STAMPS[:scans], terms)[0]
+
+
+def test_what_is_no_longer_hit_sets_off_and_what_is_hit_as_before_says_nothing():
+    assert lost(0.0, 0.98) == lost(0.0, 1.0) == lost(0.0, 0.9) == 0.0
+    assert 0.0 < lost(0.0, 0.5) < lost(0.2, 0.5) == lost(0.9, 0.0) == -LEFT
+
+
+def test_what_is_seen_from_elsewhere_or_is_hardly_known_loses_its_hits_without_setting_off():
+    assert lost(0.0, 0.5, sensor=0.2) == 0.0
+    assert lost(0.2, 0.5, scans=5) == lost(0.2, 0.5, is_piece=True) == 0.0
+
+
+def test_only_while_more_scans_come_lost_hits_speak_for_motion():
+    shares = np.append(np.full(17, 0.98), [0.5, 0.4, 0.3])
+    table, seen = one_track(np.zeros((20, 2)), 100, np.append(np.zeros(17), [0.1, 0.2, 0.3]), shares)
+    of_all, so_far = judged(table, seen), judge_tracks(table, all_of(seen), STAMPS, Past.nothing(1))
+    assert not of_all.is_moving[0]
+    assert so_far.confidence[0] < of_all.confidence[0]
+
+
 def test_no_tracks_have_no_verdicts():
+    assert lost_hits(np.zeros(1, np.int64), np.zeros(0), all_of([]).terms).shape == (0,)
     none = one_track(STRAIGHT)[0][np.zeros(0, np.int64)]
     assert len(judged(none, []).verdict) == 0

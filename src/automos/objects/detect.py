@@ -2,8 +2,10 @@
 
 The whole non-ground scan is segmented, so that parts of an object that were not observed free (a roof, the middle of a
 long side) belong to it. A segment with consistent evidence is one object. A segment with both moved and stayed points
-(a pedestrian beside a wall) is cut: stayed points are removed and the rest is segmented again. The stayed segment is
-also kept as a whole: a car that drives away has stayed for as long as it was parked, which only its track can reveal.
+(a pedestrian beside a wall) is cut: stayed points are removed and the rest is segmented again. Unknown points of a wall
+may outvote those of a person beside it, so from walls pieces are cut by the nearest known points, too. The stayed
+segment is also kept as a whole: a car that drives away has stayed for as long as it was parked, which only its track
+can reveal.
 """
 
 from __future__ import annotations
@@ -13,11 +15,13 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import KDTree
 
 from automos.core.kernels import kernel
 from automos.core.scan import Mask
 from automos.objects.boxes import fit_boxes
 from automos.objects.detections import Detections
+from automos.objects.kinds import EXTENT, Kind
 from automos.objects.occlusion import Nearest, hidden_sides, nearest_points
 from automos.objects.segments import segment_points
 from automos.settings import DetectSettings
@@ -74,11 +78,16 @@ def detect_objects(
     is_compact = (count >= settings.min_points) & (extent <= settings.max_side)
     objects, n_whole = _renumbered(ids, is_compact & is_consistent, 0)
 
-    rest = np.flatnonzero((objects < 0) & (ids >= 0) & ~seen.has_stayed)
-    pieces = segment_points(seen_from[rest], heights[rest], *about)
-    count, moved, _, extent, _, _ = _summarise(pieces, *seen.at(rest))
-    is_piece = (count >= settings.min_points) & (extent <= settings.max_side) & (moved >= 0.5 * count)
-    objects[rest], n_objects = _renumbered(pieces, is_piece, n_whole)
+    def cut(rest: npt.NDArray[np.int64], max_side: float, n: int) -> int:
+        pieces = segment_points(seen_from[rest], heights[rest], *about)
+        count, moved, _, extent, _, _ = _summarise(pieces, *seen.at(rest))
+        is_piece = (count >= settings.min_points) & (extent <= max_side) & (moved >= 0.5 * count)
+        objects[rest], n = _renumbered(pieces, is_piece, n)
+        return n
+
+    n_objects = cut(np.flatnonzero((objects < 0) & (ids >= 0) & ~seen.has_stayed), settings.max_side, n_whole)
+    is_wall = np.append(extent > 2.0 * EXTENT[Kind.LARGE_VEHICLE, 0], False)[ids] & (objects < 0)
+    n_objects = cut(_nearer_to_moved(is_wall, seen), EXTENT[Kind.TWO_WHEELER, 0], n_objects)
 
     static, _ = _renumbered(ids, is_compact & ~is_consistent, n_objects)
     nearest = nearest_points(seen_from, ray_steps)
@@ -104,6 +113,16 @@ def recount(
     is_consistent = _is_consistent(found.n_points, n_moving, n_static, settings)
     has_stayed = np.where(found.part_of >= 0, found.has_stayed, ~is_consistent)
     return replace(found, n_moving=n_moving, n_static=n_static, has_stayed=has_stayed)
+
+
+def _nearer_to_moved(of: Mask, seen: ScanPoints) -> npt.NDArray[np.int64]:
+    """Return the points of `of` (M,) that have moved, and of the unknown ones those whose nearest known one has."""
+    is_known, has_moved = seen.has_moved | seen.has_stayed, of & seen.has_moved
+    known, unknown = np.flatnonzero(of & is_known), np.flatnonzero(of & ~is_known)
+    if has_moved.any() and len(unknown):
+        _, nearest = KDTree(seen.points[known]).query(seen.points[unknown])
+        has_moved[unknown] = seen.has_moved[known[nearest]]
+    return np.flatnonzero(has_moved)
 
 
 def _is_consistent(count: npt.NDArray, moved: npt.NDArray, stayed: npt.NDArray, settings: DetectSettings) -> Mask:

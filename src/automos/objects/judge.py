@@ -11,6 +11,9 @@ which it comes or leaves outweigh those, as a chain has both.
 
 *Way*: a net displacement of many standard deviations speaks for motion whatever the points say (`path_terms`).
 
+*Lost hits*: what stands is hit by the same share of rays as a moment ago. What sets off is not, long before it has left
+its place, which at a lag speaks for motion (`lost_hits`).
+
 *Moves now* follows from the velocity of the body's box (`moving_now`).
 
 Scans within a look are not independent and count by the time between them. What stood and left is met by other rays, so
@@ -29,10 +32,10 @@ from automos.core.column_data import ColumnData
 from automos.core.scan import Mask
 from automos.objects.face_paths import path_terms, way_beyond
 from automos.objects.kinds import EXTENT, Kind
-from automos.objects.looks import looks, share_first_looks
-from automos.objects.motion import ACCELERATION, NOISE
+from automos.objects.looks import LOOK, looks, share_first_looks
+from automos.objects.motion import ACCELERATION, AROUND, NOISE
 from automos.objects.states import later, state_probabilities
-from automos.objects.terms import CHANCE, Segments, SegmentTerms, doubted
+from automos.objects.terms import CHANCE, Segments, SegmentTerms, doubted, log_ratio_of_shares
 from automos.objects.tracks import Tracks
 from automos.objects.verdict import Verdict, Verdicts
 
@@ -86,10 +89,10 @@ def judge_tracks(tracks: Tracks, segments: Segments, stamps: Array, past: Past |
     first, times, said = _observed(tracks, segments, stamps)
     ratio, scatter, displaced = _weighted(first, times, said, known)
     _, p_ever = state_probabilities(first, times, ratio, *known.before(first, times), BEGIN, END)
-    way = DISPLACED * displaced + LEFT
+    more = DISPLACED * displaced + LEFT
     if past is not None:  # what has not gone far may still go, and scenery slides as it comes into sight
-        way = np.clip(way, 0.0, -LEFT)
-    p_ever = expit(logit(p_ever) + way + DISPLACED * way_beyond(first, times, said.ends, said.sensor))
+        more = np.clip(more, 0.0, -LEFT) + lost_hits(first, times, said)
+    p_ever = expit(logit(p_ever) + more + DISPLACED * way_beyond(first, times, said.ends, said.sensor))
     p_ever[(np.diff(first) < 2) & np.isinf(known.stamp)] = 0.0
     is_moving = p_ever >= 0.5
     verdict = np.where(is_moving, Verdict.MOVING, Verdict.STATIC).astype(np.int8)
@@ -134,6 +137,33 @@ def _has_stood(first: npt.NDArray[np.int64], gone: Array) -> Mask:
     """Return (R,) whether a track stood at that observation or before; it goes `gone` (R,), metres, in a second."""
     n_stood = np.cumsum(gone < 2.0 * NOISE)
     return n_stood > np.repeat(np.append(0, n_stood)[first[:-1]], np.diff(first))
+
+
+def lost_hits(first: npt.NDArray[np.int64], times: Array, said: SegmentTerms) -> Array:
+    """Return (T,) the log-likelihood ratio of the last sight of each track: it sets off, against it stands as before.
+
+    Before are its whole segments of the last look, without the last moment, three at least. From elsewhere other rays
+    meet a thing: per metre that the sensor has gone, up to one, a tenth of looks has any shares. Only what speaks for
+    motion counts, as of the way: a body within its own length of its place seems to stay there.
+
+    first : (T + 1,) the first observation of each track.   times : (R,) seconds.
+
+    Equation: lost
+    """
+    track, last = np.repeat(np.arange(len(first) - 1), np.diff(first)), first[1:] - 1
+    age = times[last[track]] - times
+    is_before = (said.part_of < 0) & (age > 0.5 * AROUND) & (age <= LOOK)
+    n = np.bincount(track, is_before, len(last))
+    is_known = n > 2
+    is_known[is_known] = (said.part_of < 0)[last[is_known]] & said.is_asked[last[is_known]]
+    away = np.linalg.norm(said.sensor - said.sensor[last[track]], axis=1)
+    sums = (np.bincount(track, is_before * column, len(last)) for column in (away, *said.shares.T))
+    away, *before = (total[is_known] / n[is_known] for total in sums)
+    chance = np.clip(expit(LEFT) * away, CHANCE, expit(LEFT))
+    ratio = log_ratio_of_shares(said.counts[last[is_known]], np.stack(before, axis=-1), chance)
+    out = np.zeros(len(last))
+    out[is_known] = np.clip(ratio, 0.0, -LEFT)
+    return out
 
 
 def moving_now(tracks: Tracks, verdicts: Verdicts, stamps: Array) -> Tracks:

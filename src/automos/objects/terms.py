@@ -27,6 +27,7 @@ Array = npt.NDArray[np.float64]
 MOVED, STAYED = (1.02, 0.49, 0.455), (0.18, 0.98, 0.455)
 """Dirichlet distributions of the shares of moved, stayed and unknown points in a scan: of a mover in motion, and of a
 static object."""
+KEPT = 60.0  # how firmly shares are kept from look to look, in points
 WRONG = 0.001  # share of looks in which the evidence is that of the other state
 CHANCE = 0.01  # share of points that are moved, or stayed, by mistake; and of looks at boxes that are cut or joined
 BODY, PIECE, POROUS = 1.8, -3.2, -0.5  # log-odds of moving per look: of all, of pieces, and per unit of porosity
@@ -57,6 +58,12 @@ class SegmentTerms(ColumnData):
     is_asked: npt.NDArray[np.bool_]
     part_of: npt.NDArray[np.integer]
     has_stayed: npt.NDArray[np.bool_]
+
+    @property
+    def shares(self) -> Array:
+        """(M, 3) shares of the points that have moved, that have stayed, and of which nothing is known."""
+        n, moved, stayed = self.counts.astype(np.float64).T
+        return np.stack([moved, stayed, n - moved - stayed], axis=-1) / n[:, None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,6 +160,17 @@ def doubted(log_ratio: Array, wrong: float) -> Array:
     return np.logaddexp(sure + log_ratio, doubt) - np.logaddexp(sure, doubt + log_ratio)
 
 
+def log_ratio_of_shares(counts: npt.NDArray[np.floating], before: Array, chance: Array) -> Array:
+    """Return (M,) the log-likelihood ratio of `counts` (M, 3): what sets off, against what stands as it did.
+
+    before : (M, 3) shares in which it stood.   chance : (M,) how often the counts of what stands are others.
+    """
+    n, moved, stayed = counts.astype(np.float64).T
+    parts = np.stack([moved, stayed, np.maximum(n - moved - stayed, 0.0)], axis=-1)
+    as_before = np.log1p(-chance) + _log_dirichlet(parts, np.array(STAYED) + KEPT * before)
+    return _log_dirichlet(parts, MOVED) - np.logaddexp(as_before, np.log(chance) + _log_dirichlet(parts, STAYED))
+
+
 def _evidence(counts: Array, is_asked: npt.NDArray[np.bool_]) -> Array:
     """Return (M,) the log-likelihood ratio of segments, moved against stayed, from the `counts` (M, 3) of their points.
 
@@ -170,8 +188,8 @@ def _known(counts: Array, is_asked: npt.NDArray[np.bool_]) -> Array:
     return np.maximum(counts[:, 1:] - by_chance[:, None], 0.0)
 
 
-def _log_dirichlet(counts: Array, distribution: tuple[float, ...]) -> Array:
-    """Return (M,) the log-likelihood of `counts` (M, C) under the first C parameters of the Dirichlet distribution."""
-    prior = np.array(distribution[: counts.shape[1]])
-    total = gammaln(prior.sum()) - gammaln(prior.sum() + counts.sum(axis=1))
+def _log_dirichlet(counts: Array, distribution: tuple[float, ...] | Array) -> Array:
+    """Return (M,) the log-likelihood of `counts` (M, C) under the first C parameters of Dirichlet distributions."""
+    prior = np.array(distribution)[..., : counts.shape[1]]
+    total = gammaln(prior.sum(axis=-1)) - gammaln(prior.sum(axis=-1) + counts.sum(axis=1))
     return total + (gammaln(prior + counts) - gammaln(prior)).sum(axis=1)

@@ -29,8 +29,6 @@ from automos.settings import Settings
 GROWN = 1.0
 """Seconds after which the evidence of a scan is complete, even if the lag is longer; it is updated for the tracks then,
 and halfway, when what creeps and what sets off slowly has left the place behind it."""
-AGAIN = 3
-"""Scans whose evidence is updated with every new scan, after the sensor's path was replaced."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +172,7 @@ class Segmenting:
         """Update the evidence of the last scans if it was based on few scans or on outdated poses."""
         n, renewed = len(self._window) - 1, []
         few = [held for held in self._growing if held.n_compared < min(FEW, n)]
-        doubted = [self._doubted.popleft() for _ in range(min(AGAIN, len(self._doubted)))]
+        doubted = [self._doubted.popleft() for _ in range(min(FEW, len(self._doubted)))]
         for held in few or doubted:
             held.n_compared = n
             renewed += self._start_update(held, self._is_far(held))
