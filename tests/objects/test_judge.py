@@ -168,23 +168,23 @@ def test_what_a_body_shows_elsewhere_counts_anew():
     assert said(1.0) > 1.5 * said(0.1) > 0.0
 
 
-def lost(moved, stayed, sensor=0.0, scans=20, **track):
+def lost(moved, stayed, sensor=0.0, scans=20, n_points=100, **track):
     """What the last sight, with these shares, says of a thing that stood; the sensor goes so many metres a scan."""
     shares = (np.append(np.full(scans - 1, before), now) for before, now in ((0.0, moved), (0.98, stayed)))
-    _, seen = one_track(np.zeros((scans, 2)), 100, *shares, **track)
+    _, seen = one_track(np.zeros((scans, 2)), n_points, *shares, **track)
     terms = all_of(seen).terms
     terms.sensor[:, 0] = sensor * np.arange(scans)
     return lost_hits(np.array([0, scans]), STAMPS[:scans], terms)[0]
 
 
 def test_what_is_no_longer_hit_sets_off_and_what_is_hit_as_before_says_nothing():
-    assert lost(0.0, 0.98) == lost(0.0, 1.0) == lost(0.0, 0.9) == 0.0
-    assert 0.0 < lost(0.0, 0.5) < lost(0.2, 0.5) == lost(0.9, 0.0) == -LEFT
+    assert lost(0.0, 0.98) == lost(0.0, 0.5) == lost(0.01, 0.9) == 0.0
+    assert 0.0 < lost(0.08, 0.9) < lost(0.2, 0.5) == lost(0.9, 0.0) == -LEFT
 
 
 def test_what_is_seen_from_elsewhere_or_is_hardly_known_loses_its_hits_without_setting_off():
-    assert lost(0.0, 0.5, sensor=0.2) == 0.0
-    assert lost(0.2, 0.5, scans=5) == lost(0.2, 0.5, is_piece=True) == 0.0
+    assert lost(0.08, 0.9, sensor=0.2) < lost(0.08, 0.9, sensor=0.05) < lost(0.08, 0.9)
+    assert lost(0.2, 0.5, scans=5) == lost(0.2, 0.5, is_piece=True) == lost(0.2, 0.5, n_points=10) == 0.0
 
 
 def test_only_while_more_scans_come_lost_hits_speak_for_motion():

@@ -78,16 +78,20 @@ def detect_objects(
     is_compact = (count >= settings.min_points) & (extent <= settings.max_side)
     objects, n_whole = _renumbered(ids, is_compact & is_consistent, 0)
 
-    def cut(rest: npt.NDArray[np.int64], max_side: float, n: int) -> int:
+    def cut(rest: npt.NDArray[np.int64], max_side: float, n: int, least_height: float = 0.0) -> int:
         pieces = segment_points(seen_from[rest], heights[rest], *about)
-        count, moved, _, extent, _, _ = _summarise(pieces, *seen.at(rest))
+        count, moved, _, extent, low, _ = _summarise(pieces, *seen.at(rest))
+        top = low.copy()
+        np.maximum.at(top, pieces[pieces >= 0], heights[rest][pieces >= 0])
         is_piece = (count >= settings.min_points) & (extent <= max_side) & (moved >= 0.5 * count)
+        is_piece &= top - low >= least_height
         objects[rest], n = _renumbered(pieces, is_piece, n)
         return n
 
     n_objects = cut(np.flatnonzero((objects < 0) & (ids >= 0) & ~seen.has_stayed), settings.max_side, n_whole)
     is_wall = np.append(extent > 2.0 * EXTENT[Kind.LARGE_VEHICLE, 0], False)[ids] & (objects < 0)
-    n_objects = cut(_nearer_to_moved(is_wall, seen), EXTENT[Kind.TWO_WHEELER, 0], n_objects)
+    beside = _nearer_to_moved(is_wall, seen)
+    n_objects = cut(beside, EXTENT[Kind.TWO_WHEELER, 0], n_objects, 0.25 * EXTENT[Kind.PERSON, 2])
 
     static, _ = _renumbered(ids, is_compact & ~is_consistent, n_objects)
     nearest = nearest_points(seen_from, ray_steps)

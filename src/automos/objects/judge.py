@@ -11,8 +11,8 @@ which it comes or leaves outweigh those, as a chain has both.
 
 *Way*: a net displacement of many standard deviations speaks for motion whatever the points say (`path_terms`).
 
-*Lost hits*: what stands is hit by the same share of rays as a moment ago. What sets off is not, long before it has left
-its place, which at a lag speaks for motion (`lost_hits`).
+*Lost hits*: of what stands, as many points have stayed as a moment ago. Of what sets off fewer have, long before it has
+left its place, which at a lag speaks for motion (`lost_hits`).
 
 *Moves now* follows from the velocity of the body's box (`moving_now`).
 
@@ -142,9 +142,9 @@ def _has_stood(first: npt.NDArray[np.int64], gone: Array) -> Mask:
 def lost_hits(first: npt.NDArray[np.int64], times: Array, said: SegmentTerms) -> Array:
     """Return (T,) the log-likelihood ratio of the last sight of each track: it sets off, against it stands as before.
 
-    Before are its whole segments of the last look, without the last moment, three at least. From elsewhere other rays
-    meet a thing: per metre that the sensor has gone, up to one, a tenth of looks has any shares. Only what speaks for
-    motion counts, as of the way: a body within its own length of its place seems to stay there.
+    Before are its whole segments of the last look, without the last moment, three at least, of which most stayed. From
+    elsewhere other rays meet a thing: per metre that the sensor has gone, up to one, a tenth of looks has any shares.
+    Only what speaks for motion counts, as of the way: a body within its own length of its place seems to stay there.
 
     first : (T + 1,) the first observation of each track.   times : (R,) seconds.
 
@@ -152,17 +152,19 @@ def lost_hits(first: npt.NDArray[np.int64], times: Array, said: SegmentTerms) ->
     """
     track, last = np.repeat(np.arange(len(first) - 1), np.diff(first)), first[1:] - 1
     age = times[last[track]] - times
-    is_before = (said.part_of < 0) & (age > 0.5 * AROUND) & (age <= LOOK)
-    n = np.bincount(track, is_before, len(last))
-    is_known = n > 2
-    is_known[is_known] = (said.part_of < 0)[last[is_known]] & said.is_asked[last[is_known]]
+    is_whole, counts = said.part_of < 0, said.counts.astype(np.float64)
+    is_before = is_whole & (age > 0.5 * AROUND) & (age <= LOOK)
     away = np.linalg.norm(said.sensor - said.sensor[last[track]], axis=1)
-    sums = (np.bincount(track, is_before * column, len(last)) for column in (away, *said.shares.T))
-    away, *before = (total[is_known] / n[is_known] for total in sums)
-    chance = np.clip(expit(LEFT) * away, CHANCE, expit(LEFT))
-    ratio = log_ratio_of_shares(said.counts[last[is_known]], np.stack(before, axis=-1), chance)
+    n = np.bincount(track, is_before, len(last))
+    sums = (np.bincount(track, is_before * column, len(last)) for column in (away, *(counts[:, 1:] / counts[:, :1]).T))
+    away, moved, stayed = (total / np.maximum(n, 1.0) for total in sums)
+    is_known = (n > 2.0) & (stayed > 0.5)
+    at = last[is_known]
+    is_known[is_known] = is_whole[at] & said.is_asked[at] & (counts[at, 0] >= 16.0)  # of few, shares say little
+    chance = np.clip(expit(LEFT) * away, CHANCE, expit(LEFT))[is_known]
+    before = np.stack([moved, stayed], axis=-1)[is_known]
     out = np.zeros(len(last))
-    out[is_known] = np.clip(ratio, 0.0, -LEFT)
+    out[is_known] = np.clip(log_ratio_of_shares(counts[last[is_known], 1:], before, chance), 0.0, -LEFT)
     return out
 
 

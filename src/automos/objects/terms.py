@@ -59,12 +59,6 @@ class SegmentTerms(ColumnData):
     part_of: npt.NDArray[np.integer]
     has_stayed: npt.NDArray[np.bool_]
 
-    @property
-    def shares(self) -> Array:
-        """(M, 3) shares of the points that have moved, that have stayed, and of which nothing is known."""
-        n, moved, stayed = self.counts.astype(np.float64).T
-        return np.stack([moved, stayed, n - moved - stayed], axis=-1) / n[:, None]
-
 
 @dataclass(frozen=True, eq=False)
 class Segments:
@@ -160,15 +154,15 @@ def doubted(log_ratio: Array, wrong: float) -> Array:
     return np.logaddexp(sure + log_ratio, doubt) - np.logaddexp(sure, doubt + log_ratio)
 
 
-def log_ratio_of_shares(counts: npt.NDArray[np.floating], before: Array, chance: Array) -> Array:
-    """Return (M,) the log-likelihood ratio of `counts` (M, 3): what sets off, against what stands as it did.
+def log_ratio_of_shares(known: Array, before: Array, chance: Array) -> Array:
+    """Return (M,) the log-likelihood ratio of what sets off, against what stands as it did.
 
-    before : (M, 3) shares in which it stood.   chance : (M,) how often the counts of what stands are others.
+    known : (M, 2) points that have moved, and that have stayed.   before : (M, 2) the same while it stood, in any unit.
+    chance : (M,) how often the shares of what stands are others.
     """
-    n, moved, stayed = counts.astype(np.float64).T
-    parts = np.stack([moved, stayed, np.maximum(n - moved - stayed, 0.0)], axis=-1)
-    as_before = np.log1p(-chance) + _log_dirichlet(parts, np.array(STAYED) + KEPT * before)
-    return _log_dirichlet(parts, MOVED) - np.logaddexp(as_before, np.log(chance) + _log_dirichlet(parts, STAYED))
+    kept = KEPT * before / before.sum(axis=1, keepdims=True)
+    as_before = np.log1p(-chance) + _log_dirichlet(known, np.array(STAYED[:2]) + kept)
+    return _log_dirichlet(known, MOVED) - np.logaddexp(as_before, np.log(chance) + _log_dirichlet(known, STAYED))
 
 
 def _evidence(counts: Array, is_asked: npt.NDArray[np.bool_]) -> Array:
