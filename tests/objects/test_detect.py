@@ -62,12 +62,21 @@ def test_a_walker_at_a_wall_is_cut_off_it():
 
 def test_a_walker_at_a_long_wall_is_cut_off_the_points_of_it_of_which_nothing_is_known():
     wall, walker = block(5, 0, 0.4, 24.0), block(5.4, 3.0, 0.4, 0.6)
-    unknown = np.where(np.arange(len(wall)) % 2 == 0, UNKNOWN, STAYED)  # many more of them than of the walker
-    objects, _, found = detect((wall, unknown), (walker, MOVED))
-    mine = objects[len(wall) :]
-    assert set(mine) == {0}
+    is_beside = (np.abs(wall[:, 1] - 3.3) < 1.2) & (np.arange(len(wall)) % 2 == 0)
+    objects, _, found = detect((wall, np.where(is_beside, UNKNOWN, STAYED)), (walker, MOVED))
+    assert is_beside.sum() > len(walker)
+    assert set(objects[len(wall) :]) == {0}
     assert (objects[: len(wall)] >= 0).sum() < len(walker)
     assert found.part_of.tolist() == [1, -1]
+
+
+def test_of_a_tram_of_which_much_is_unknown_no_person_is_cut():
+    tram = block(5, -15, 0.4, 30.0)
+    said = np.where(np.arange(len(tram)) % 2 == 0, UNKNOWN, STAYED)
+    said[np.abs(np.abs(tram[:, 1]) - 12.8) < 0.7] = MOVED
+    objects, stayed, _ = detect((tram, said))
+    assert set(objects) == {-1}
+    assert set(stayed) == {0}
 
 
 def test_nothing_gives_nothing():

@@ -89,8 +89,8 @@ def detect_objects(
         return n
 
     n_objects = cut(np.flatnonzero((objects < 0) & (ids >= 0) & ~seen.has_stayed), settings.max_side, n_whole)
-    is_wall = np.append(extent > 2.0 * EXTENT[Kind.LARGE_VEHICLE, 0], False)[ids] & (objects < 0)
-    beside = _nearer_to_moved(is_wall, seen)
+    is_wall = (extent > 2.0 * EXTENT[Kind.LARGE_VEHICLE, 0]) & (stayed >= (1.0 - 0.5 * SILENCE) * count)
+    beside = _nearer_to_moved(np.append(is_wall, False)[ids] & (objects < 0), seen)
     n_objects = cut(beside, EXTENT[Kind.TWO_WHEELER, 0], n_objects, 0.25 * EXTENT[Kind.PERSON, 2])
 
     static, _ = _renumbered(ids, is_compact & ~is_consistent, n_objects)
