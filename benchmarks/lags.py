@@ -1,9 +1,9 @@
 """The method as scans come, at any lag: quality of every scan, of the first ones, and how soon departures are seen.
 
-Truth at a lag is what moves now (labels_now/) where a recording has it; else, and of whole recordings, what moves at
-some time. A *departure* is a mover that stood in plain view for a second; what counts are the metres along its path, of
-the boxes beside the scans, from the first scan in which it moves to the first in which half of its points are called
-moving.
+Truth at a lag is what moves now, of simulated worlds and of recordings with labels_now/; else, and of whole recordings,
+what moves at some time. A *departure* is a mover that stood in plain view for a second; what counts are the metres
+along its path, of the boxes beside the scans, from the first scan in which it moves to the first in which half of its
+points are called moving.
 """
 
 import json
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from labels import scores_of
-from recordings import opened
+from recordings import StoredWorld, opened
 
 from automos import Labeler, LabelledScan
 from automos.core.labels import Label
@@ -61,14 +61,19 @@ class _Seen:
 
     def counted(self, done: LabelledScan, whole: Counts, start: Counts) -> tuple[Counts, Counts]:
         """Return the counts with those of the next scan, the second for the start alone."""
-        truth, folder = self._sequence.truth(done.index), self._folder / "labels_now"
+        truth = self._sequence.truth(done.index)
         if truth is None:
             return whole, start
-        name = f"{self._sequence.names[done.index]}.label"
-        now = np.fromfile(folder / name, np.uint32) if folder.is_dir() else truth
+        now = self._now(done.index, truth)
         self._add(done, now)
         found = count(done.labels, truth if self._is_whole else now)
         return whole + found, start + found if done.index < FIRST else start
+
+    def _now(self, index: int, truth: npt.NDArray[np.uint32]) -> npt.NDArray[np.uint32]:
+        if isinstance(self._sequence, StoredWorld):
+            return self._sequence.truth_now(index)
+        file = self._folder / "labels_now" / f"{self._sequence.names[index]}.label"
+        return np.fromfile(file, np.uint32) if file.exists() else truth
 
     def _add(self, done: LabelledScan, truth: npt.NDArray[np.uint32]) -> None:
         for k, place in self._places(done).items():
@@ -80,6 +85,9 @@ class _Seen:
 
     def _places(self, done: LabelledScan) -> dict[int, npt.NDArray[np.float64]]:
         """Return the middle of each object's box, in a frame that stands: boxes/NAME.json, or boxes.json of sensors."""
+        if isinstance(self._sequence, StoredWorld):
+            of_world = self._sequence.truth_boxes(done.index)
+            return dict(zip(of_world.ids.tolist(), of_world.boxes.center, strict=True))
         one, all_of_them = self._folder / "boxes" / f"{self._sequence.names[done.index]}.json", "boxes.json"
         if one.exists():
             return {row["id"]: np.array(row["center"]) for row in json.loads(one.read_text())["boxes"]}

@@ -131,6 +131,11 @@ class StoredWorld(Sequence):
         with np.load(self.source) as arrays:
             return arrays[f"labels_{range(len(self))[index]}"]
 
+    def truth_now(self, index: int) -> npt.NDArray[np.uint32]:
+        """Return (N,) labels as `truth`, but moving is what moves in this very sweep."""
+        with np.load(self.source) as arrays:
+            return arrays[f"now_{range(len(self))[index]}"]
+
     def truth_boxes(self, index: int) -> TrueBoxes:
         with np.load(self.source) as arrays:
             rows = arrays[f"boxes_{range(len(self))[index]}"]
@@ -144,9 +149,10 @@ class StoredWorld(Sequence):
 def stored_world(store: Path, scenario: str, sensor: str, n_scans: int, seed: int) -> StoredWorld:
     """Return a world from folder `store`, simulated first where it is not there.
 
-    One .npz a world: coordinates as float32, intensity in the sensor's own steps, labels with instances, boxes.
+    One .npz a world: coordinates as float32, intensity in the sensor's own steps, labels with instances, of whole
+    lives and of now, boxes.
     """
-    path = store / "worlds" / f"{scenario}-{sensor}-{n_scans}-{seed}-v{FORMAT}-boxes.npz"
+    path = store / "worlds" / f"{scenario}-{sensor}-{n_scans}-{seed}-v{FORMAT}-now.npz"
     if not path.exists():
         world = simulate(scenario, sensor, n_scans, seed)
         levels = world.sensor.levels
@@ -161,7 +167,7 @@ def stored_world(store: Path, scenario: str, sensor: str, n_scans: int, seed: in
             steps = np.round(scan.intensity * levels)
             arrays[f"points_{index}"] = scan.points
             arrays[f"intensity_{index}"] = steps.astype(np.uint8 if levels < 256 else np.uint16)
-            arrays[f"labels_{index}"] = truth
+            arrays[f"labels_{index}"], arrays[f"now_{index}"] = truth, world.truth_now(index)
             ids, boxes, _ = world.truth_boxes(index)
             arrays[f"boxes_{index}"] = np.column_stack([ids, boxes.center, boxes.size, boxes.yaw])
         path.parent.mkdir(parents=True, exist_ok=True)
