@@ -73,18 +73,17 @@ def detect_objects(
     seen = ScanPoints(points, heights, solidity, log_odds > limit, log_odds < -limit)
     seen_from, about = points - origin.astype(np.float32), (ray_steps, settings.segments)
     ids = segment_points(seen_from, heights, *about)
-    count, moved, stayed, extent, _, _ = _summarise(ids, *seen)
+    count, moved, stayed, extent, *_ = _summarise(ids, *seen)
     is_consistent = _is_consistent(count, moved, stayed, settings)
     is_compact = (count >= settings.min_points) & (extent <= settings.max_side)
     objects, n_whole = _renumbered(ids, is_compact & is_consistent, 0)
 
     def cut(rest: npt.NDArray[np.int64], max_side: float, n: int, least_height: float = 0.0) -> int:
+        """Number pieces of the points `rest` from `n` on in `objects`; return the next free number."""
         pieces = segment_points(seen_from[rest], heights[rest], *about)
-        count, moved, _, extent, low, _ = _summarise(pieces, *seen.at(rest))
-        top = low.copy()
-        np.maximum.at(top, pieces[pieces >= 0], heights[rest][pieces >= 0])
+        count, moved, _, extent, _, tall, _ = _summarise(pieces, *seen.at(rest))
         is_piece = (count >= settings.min_points) & (extent <= max_side) & (moved >= 0.5 * count)
-        is_piece &= top - low >= least_height
+        is_piece &= tall >= least_height
         objects[rest], n = _renumbered(pieces, is_piece, n)
         return n
 
@@ -136,7 +135,7 @@ def _is_consistent(count: npt.NDArray, moved: npt.NDArray, stayed: npt.NDArray, 
 
 def _describe(ids: Ids, seen: ScanPoints, nearest: Nearest, sensor: tuple[float, float]) -> Detections:
     """Return the boxes, counts, lift, solidity and hidden sides of segments 0, 1, ... of `ids`."""
-    count, moved, stayed, _, lift, solid = _summarise(ids, *seen)
+    count, moved, stayed, _, lift, _, solid = _summarise(ids, *seen)
     hidden = hidden_sides(ids, nearest, len(count))
     boxes = fit_boxes(seen.points, ids, np.ones(len(count)))
     return Detections.of_objects(boxes, count, moved, stayed, lift, solid, hidden, sensor)
@@ -151,12 +150,12 @@ def _renumbered(ids: Ids, is_kept: Mask, first: int) -> tuple[Ids, int]:
 
 @kernel
 def _summarise(ids, points, heights, solidity, has_moved, has_stayed):  # type: ignore[no-untyped-def]
-    """Return count, moved count, stayed count, ground extent, lowest height (metres) and solidity of each segment."""
+    """Return counts of all, moved and stayed points, ground extent, lift, height (metres) and solidity of segments."""
     n = 0
     for i in range(len(ids)):
         n = max(n, ids[i] + 1)
     count, moved, stayed, solid = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
-    low, high = np.full((n, 3), np.inf), np.full((n, 2), -np.inf)
+    low, high = np.full((n, 3), np.inf), np.full((n, 3), -np.inf)
     for i in range(len(ids)):
         s = ids[i]
         if s < 0:
@@ -168,9 +167,9 @@ def _summarise(ids, points, heights, solidity, has_moved, has_stayed):  # type: 
         for a in range(2):
             low[s, a] = min(low[s, a], points[i, a])
             high[s, a] = max(high[s, a], points[i, a])
-        low[s, 2] = min(low[s, 2], heights[i])
+        low[s, 2], high[s, 2] = min(low[s, 2], heights[i]), max(high[s, 2], heights[i])
     extent = np.empty(n)
     for s in range(n):
         extent[s] = max(high[s, 0] - low[s, 0], high[s, 1] - low[s, 1])
         solid[s] = solid[s] / 255.0 / max(count[s], 1.0)
-    return count, moved, stayed, extent, low[:, 2], solid
+    return count, moved, stayed, extent, low[:, 2], high[:, 2] - low[:, 2], solid
