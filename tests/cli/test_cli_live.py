@@ -37,7 +37,7 @@ def send_patiently(packets, feed):
     """
 
     def wait_for(n):
-        while feed.n_packets < n or feed.latest.is_full:
+        while feed.n_packets < n or not feed.latest.is_empty:
             time.sleep(0.0005)
 
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:

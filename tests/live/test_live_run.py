@@ -15,7 +15,7 @@ from automos.core.errors import InputError
 from automos.core.parallel import one_ahead
 from automos.core.scan import Scan
 from automos.labeler import LabelledScan
-from automos.live.feed import Feed, Latest, Replay
+from automos.live.feed import ROOM, Feed, Latest, Replay
 from automos.live.opening import VelodyneAssembler, open_feed
 from automos.live.run import Tally, run_live
 from automos.live.udp import UdpFeed, parse_address
@@ -106,28 +106,40 @@ def test_what_is_too_much_of_a_sensor_is_left_out_counted_and_said(caplog):
     assert "scans were left out so far" in caplog.text
 
 
-def test_the_room_for_scans_holds_one():
+def test_the_room_for_scans_holds_the_latest_in_order():
     latest = Latest()
     for i in range(1000):
         latest.put(Scan(np.full((1, 3), float(i), np.float32)))
-    assert latest.left_out == 999
-    assert latest.take(0.0).points[0, 0] == 999
+    assert latest.left_out == 1000 - ROOM
+    assert [latest.take(0.0).points[0, 0] for _ in range(ROOM)] == list(range(1000 - ROOM, 1000))
     assert latest.take(0.0) is None
     assert not latest.is_over
     latest.close()
     assert latest.is_over
 
 
-def test_who_waits_to_put_a_scan_in_when_it_closes_leaves_none_out():
+def test_a_push_that_takes_longer_than_a_period_leaves_none_out():
     latest, one = Latest(), Scan(np.ones((1, 3), np.float32))
     latest.put(one)
+    for _ in range(5):  # one is labelled while the next two come, twice as slowly as usual
+        assert latest.take(0.0) is one
+        latest.put(one)
+        latest.put(one)
+        assert latest.take(0.0) is one
+    assert latest.left_out == 0
+
+
+def test_who_waits_to_put_a_scan_in_when_it_closes_leaves_none_out():
+    latest, one = Latest(), Scan(np.ones((1, 3), np.float32))
+    for _ in range(ROOM):
+        latest.put(one)
     waiting = threading.Thread(target=latest.put, args=(one, True))
     waiting.start()
     time.sleep(0.05)
     latest.close()
     waiting.join(5.0)
-    assert (latest.offered, latest.left_out) == (1, 0)
-    assert latest.take(0.0) is one
+    assert (latest.offered, latest.left_out) == (ROOM, 0)
+    assert all(latest.take(0.0) is one for _ in range(ROOM))
     assert latest.is_over
 
 

@@ -1,69 +1,74 @@
-"""Sources of scans: a thread that receives them, room for the latest one, and a recording replayed at its own rate."""
+"""Sources of scans: a thread that receives them, room for the latest, and a recording replayed at its own rate."""
 
 from __future__ import annotations
 
 import math
 import threading
 import time
+from collections import deque
 from dataclasses import replace
 
 from automos.core.errors import AutomosError, InputError
 from automos.core.scan import Scan, Sequence
 from automos.odometry.clock import USUAL_PERIOD
 
+ROOM = 2
+"""Scans that wait, one of them for a push that takes longer than a sensor's period now and then: what keeps up on
+average leaves none out; what does not, labels scans that are a period older."""
+
 
 class Latest:
-    """The latest scan that nobody has taken yet.
+    """The latest scans that nobody has taken yet, `ROOM` at most.
 
     Attributes
     ----------
-    left_out : scans that another came after before they were taken.
+    left_out : scans that others came after before they were taken.
     offered : scans that were put in.
     """
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
-        self._scan: Scan | None = None
+        self._scans: deque[Scan] = deque(maxlen=ROOM)
         self._is_closed = False
         self.left_out, self.offered = 0, 0
 
     def put(self, scan: Scan, wait: bool = False) -> None:
-        """Put a scan in; where one is left, it is left out, or `wait`ed for. After `close` it is not taken any more."""
+        """Put a scan in; where it is full the oldest is left out, or `wait`ed for. After `close` none is taken."""
         with self._changed:
-            while wait and self._scan is not None and not self._is_closed:
+            while wait and len(self._scans) == ROOM and not self._is_closed:
                 self._changed.wait()
             if self._is_closed:
                 return
             self.offered += 1
-            self.left_out += self._scan is not None
-            self._scan = scan
+            self.left_out += len(self._scans) == ROOM
+            self._scans.append(scan)
             self._changed.notify_all()
 
     def take(self, seconds: float) -> Scan | None:
-        """Return the latest scan, None if none comes within `seconds` or none will come any more."""
+        """Return the oldest of them, None if none comes within `seconds` or none will come any more."""
         with self._changed:
-            self._changed.wait_for(lambda: self._scan is not None or self._is_closed, seconds)
-            scan, self._scan = self._scan, None
+            self._changed.wait_for(lambda: self._scans or self._is_closed, seconds)
+            scan = self._scans.popleft() if self._scans else None
             self._changed.notify_all()
             return scan
 
     def close(self) -> None:
-        """Say that no more scans come; the one that is left can still be taken."""
+        """Say that no more scans come; those that are left can still be taken."""
         with self._changed:
             self._is_closed = True
             self._changed.notify_all()
 
     @property
-    def is_full(self) -> bool:
-        """Whether a scan waits to be taken."""
+    def is_empty(self) -> bool:
+        """Whether no scan waits to be taken."""
         with self._changed:
-            return self._scan is not None
+            return not self._scans
 
     @property
     def is_over(self) -> bool:
         """Whether it is closed and empty."""
         with self._changed:
-            return self._is_closed and self._scan is None
+            return self._is_closed and not self._scans
 
 
 class Feed:
@@ -134,7 +139,7 @@ class Replay(Feed):
     """A recording at its own pace, as if it came from the sensor now."""
 
     def __init__(self, sequence: Sequence, speed: float = 1.0):
-        """Take how many times as fast; 0: every scan as soon as the one before was taken. None is left out.
+        """Take how many times as fast; 0: every scan as soon as there is room for it. None is left out.
 
         Raises
         ------
@@ -147,7 +152,7 @@ class Replay(Feed):
         self.recording, self._sequence, self._speed = sequence, sequence, speed
 
     def receive(self) -> None:
-        """Put in every scan when its time has come and the one before was taken: a file waits, as no sensor does."""
+        """Put in every scan when its time has come and there is room for it: a file waits, as no sensor does."""
         names, stamps, begin = self._sequence.names, self._sequence.stamps, time.monotonic()
         for i, name in enumerate(names):
             scan = self._sequence[i]

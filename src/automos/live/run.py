@@ -1,4 +1,4 @@
-"""The loop: takes the latest scan and passes on labels until the feed ends or Ctrl-C."""
+"""The loop: takes the next scan and passes on labels until the feed ends or Ctrl-C."""
 
 import logging
 import signal

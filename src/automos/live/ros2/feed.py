@@ -20,7 +20,7 @@ import numpy.typing as npt
 from automos.core.errors import InputError, MissingExtraError
 from automos.core.labels import Label
 from automos.core.scan import Scan
-from automos.live.feed import Feed
+from automos.live.feed import ROOM, Feed
 from automos.readers.columns import to_scan
 from automos.readers.point_cloud2 import read_columns
 
@@ -93,7 +93,7 @@ def _body(rows: npt.NDArray[np.uint8], height: int, width: int) -> Body:
 
 
 class RosFeed(Feed):
-    """Clouds of topic `points`, as scans; where labelling is slower than they come, only the latest is kept.
+    """Clouds of topic `points`, as scans; where labelling is slower than they come, the latest are kept.
 
     Attributes
     ----------
@@ -180,7 +180,7 @@ class RosFeed(Feed):
             from sensor_msgs.msg import PointCloud2
 
             policy = ReliabilityPolicy.RELIABLE if is_reliable else ReliabilityPolicy.BEST_EFFORT
-            quality = QoSProfile(depth=1, reliability=policy)
+            quality = QoSProfile(depth=ROOM, reliability=policy)
             self._subscription = self.node.create_subscription(PointCloud2, self.topic, self._take, quality)
             self._is_reliable, self._heard, self._is_warned = is_reliable, now, False
         elif now - self._heard > SILENCE and not self._is_warned:
