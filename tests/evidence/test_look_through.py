@@ -7,7 +7,7 @@ from automos.core.beam_pattern import learn_pattern
 from automos.core.range_image import find_neighbours, make_image, project
 from automos.evidence.look_through import BENEATH, BLOCKED, EDGE, HIT, THROUGH, UNSEEN, WEAK, look_through
 
-TOLERANCES = tuple(np.float32(x) for x in (0.25, 0.005, 0.2))
+TOLERANCES = tuple(np.float32(x) for x in (0.25, 0.005, 0.2, 0.0, 0.0))
 NO_MOTION = np.zeros(6, np.float32)
 
 
@@ -23,10 +23,10 @@ def scan_of(*blocks):
     return frame, image_of(frame.points, frame.points_level[:, 2] >= 0.05, pattern)
 
 
-def looks(image, *places):
+def looks(image, *places, tolerances=TOLERANCES):
     """What a scan's range image says of `places`, (x, y, height above the ground)."""
     points = np.array(places, np.float32).T - np.array([[0.0], [0.0], [HEIGHT]], np.float32)
-    codes, _ = look_through(np.ascontiguousarray(points), np.eye(4, dtype=np.float32)[:3], image, TOLERANCES)
+    codes, _ = look_through(np.ascontiguousarray(points), np.eye(4, dtype=np.float32)[:3], image, tolerances)
     return codes.tolist()
 
 
@@ -37,6 +37,13 @@ def wall_and_post():
 
 def test_before_on_and_behind_a_wall_is_through_hit_and_blocked(wall_and_post):
     assert looks(wall_and_post, (12.0, 0.0, 1.5), (19.5, 0.0, 1.5), (23.0, 0.0, 1.5)) == [THROUGH, HIT, BLOCKED]
+
+
+def test_where_poses_may_be_off_rays_must_go_on_farther_behind_and_hit_no_more_than_before(wall_and_post):
+    near_the_wall, far_from_it, hit = (18.8, 0.0, 1.5), (12.0, 0.0, 1.5), (19.5, 0.0, 1.5)
+    assert looks(wall_and_post, near_the_wall, far_from_it, hit) == [THROUGH, THROUGH, HIT]
+    off = tuple(np.float32(x) for x in (0.25, 0.005, 0.2, 0.2, 0.01))  # 0.4 m here
+    assert looks(wall_and_post, near_the_wall, far_from_it, hit, tolerances=off) == [EDGE, THROUGH, HIT]
 
 
 def test_where_no_ray_came_back_nothing_is_known(wall_and_post):

@@ -54,7 +54,7 @@ def _free_space(points: np.ndarray) -> None:
         in_clouds(points, find_neighbours(projection, np.ones(n, bool))[2], np.ones(n, bool))
         image = make_image(projection, pattern, motion, np.ones(n, bool))
         for each in (T, np.eye(4, dtype=np.float32)[:3]):
-            looks = look_through(np.ascontiguousarray(points.T), each, image, (np.float32(0.1),) * 3)
+            looks = look_through(np.ascontiguousarray(points.T), each, image, (np.float32(0.1),) * 5)
             for ranges in (looks[1], points[:, 0].copy()):
                 votes.weigh_looks(looks[0], ranges, points[:, 1], points[:, 2], np.ones(n), np.float32(0.02))
 

@@ -5,7 +5,8 @@ import pytest
 from worlds import street
 
 from automos import load_settings
-from automos.online.segmenting import GROWN, Segmenting
+from automos.online.following import GROWN
+from automos.online.segmenting import Segmenting
 
 
 @pytest.mark.parametrize(("lag", "ages"), [(0.0, [0.5 * GROWN, GROWN]), (0.5 * GROWN, [GROWN]), (GROWN, [])])

@@ -144,7 +144,12 @@ def _nearest(stamp: float, stamps: Array, ids: Rows, spans: Array) -> Rows:
 
 
 def ask(
-    mine: Seen, others: list[Seen], offsets: Array, settings: FreeSpaceSettings, pool: ThreadPoolExecutor | None = None
+    mine: Seen,
+    others: list[Seen],
+    offsets: Array,
+    settings: FreeSpaceSettings,
+    doubt: tuple[float, float] = (0.0, 0.0),
+    pool: ThreadPoolExecutor | None = None,
 ) -> Net:
     """Return (M,) the evidence that each point of scan `mine` has moved, from the reports of `others` on its place.
 
@@ -153,6 +158,7 @@ def ask(
     Parameters
     ----------
     offsets : (P,) float64, seconds from `mine` to each of the others, increasing.
+    doubt : metres and radians by which poses may be off.
     pool : ThreadPoolExecutor, optional, shares the work; the result does not depend on it.
     """
     net = np.zeros(len(mine.kind), np.float32)
@@ -162,7 +168,8 @@ def ask(
         bounds = np.linspace(0, len(heights), n_parts + 1).astype(int)
         parts = [slice(a, b) for a, b in pairwise(bounds)]
         looked = [_looks_into(view, other) for other in others]
-        asked = (map if pool is None else pool.map)(partial(_ask_part, view, heights, looked, offsets, settings), parts)
+        part_of = partial(_ask_part, view, heights, looked, offsets, settings, tolerances_of(settings, doubt))
+        asked = (map if pool is None else pool.map)(part_of, parts)
         of_view = np.zeros(len(view.is_object), np.float32)
         of_view[view.is_object] = np.concatenate(list(asked))
         net[view.rows] = of_view
@@ -177,7 +184,13 @@ def _looks_into(mine: View, other: Seen) -> list[_Look]:
 
 
 def _ask_part(
-    mine: View, heights: Net, others: list[list[_Look]], offsets: Array, settings: FreeSpaceSettings, part: slice
+    mine: View,
+    heights: Net,
+    others: list[list[_Look]],
+    offsets: Array,
+    settings: FreeSpaceSettings,
+    tolerances: tuple[np.float32, ...],
+    part: slice,
 ) -> Net:
     """Return (K,) the evidence for a `part` of a view's object points; `heights` are those of all object points."""
     points = np.ascontiguousarray(mine.objects[:, part])
@@ -188,21 +201,21 @@ def _ask_part(
     first = {int(np.argmin(np.abs(offsets - span))) for span in (*thirds, *-thirds) if others}
     votes = np.zeros((len(others), len(trusts)), np.int8)
     for k in first:
-        votes[k] = _vote(points, about, others[k], settings)
+        votes[k] = _vote(points, about, others[k], tolerances)
     # Most points are hit by every scan that sees them, so the remaining scans need not report on those.
     ids = np.flatnonzero((votes.max(axis=0, initial=0) > 0) | (count_hits(votes) < SURE_HITS))
     points, about = np.take(points, ids, axis=1), [np.take(column, ids) for column in about]
     for k in set(range(len(others))) - first:
-        votes[k, ids] = _vote(points, about, others[k], settings)
+        votes[k, ids] = _vote(points, about, others[k], tolerances)
     # However few were asked: what all of them hit weighs as much as one that saw through.
     return sum_votes(votes, int(np.searchsorted(offsets, 0.0)), max(settings.stay_weight, 1.0 / max(len(others), 1)))
 
 
 def _vote(
-    points: npt.NDArray[np.float32], about: list[npt.NDArray], other: list[_Look], settings: FreeSpaceSettings
+    points: npt.NDArray[np.float32], about: list[npt.NDArray], other: list[_Look], tolerances: tuple[np.float32, ...]
 ) -> Votes:
     """Return (K,) the vote of another scan on `points` (3, K) of a view; for `about` see `weigh_looks`."""
-    votes, tolerances = [], tolerances_of(settings)
+    votes = []
     for T, image in other:
         looks = look_through(points, T, image, tolerances)
         votes.append(weigh_looks(*looks, *about, np.float32(image.pattern.row_height)))

@@ -18,10 +18,10 @@ _BLOCK = 512
 _FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}  # fast arithmetic, but for flags that assume finite numbers
 
 
-def tolerances_of(settings: FreeSpaceSettings) -> tuple[np.float32, ...]:
-    """Return the tolerances of `look_through`."""
+def tolerances_of(settings: FreeSpaceSettings, doubt: tuple[float, float] = (0.0, 0.0)) -> tuple[np.float32, ...]:
+    """Return the tolerances of `look_through` where poses may be off by `doubt`, metres and radians."""
     s = settings
-    return tuple(np.float32(x) for x in (s.hit, s.hit_per_metre, s.clear_width))
+    return tuple(np.float32(x) for x in (s.hit, s.hit_per_metre, s.clear_width, *doubt))
 
 
 @kernel
@@ -32,7 +32,8 @@ def look_through(points, T, image, tolerances):  # type: ignore[no-untyped-def]
     ----------
     points : (3, K) float32, contiguous.   T : (3, 4) float32, from their frame to the other sensor's at mid-sweep.
     image : RangeImage of the other scan.
-    tolerances : (3,) float32, distance within which a ray hits a point, its growth per metre, clear width.
+    tolerances : (5,) float32, distance within which a ray hits a point, its growth per metre, clear width, and how much
+        farther rays must go on behind, and by how much more per metre.
 
     Returns
     -------
@@ -40,7 +41,7 @@ def look_through(points, T, image, tolerances):  # type: ignore[no-untyped-def]
 
     Equation: vote
     """
-    hit, hit_per_metre, clearance = tolerances
+    hit, hit_per_metre, clearance, doubt, doubt_per_metre = tolerances
     pattern, pyramid, per_unit = image.pattern, image.pattern.pyramid, np.float32(1.0 / UNIT)
     h, w = pattern.n_rows, pattern.n_columns
     n_points = points.shape[1]
@@ -61,7 +62,7 @@ def look_through(points, T, image, tolerances):  # type: ignore[no-untyped-def]
                 continue
             q = r * per_unit
             tolerance = (hit + hit_per_metre * r) * per_unit
-            behind = q + tolerance
+            behind = q + tolerance + (doubt + doubt_per_metre * r) * per_unit
             if q - tolerance > far:
                 codes[i] = BLOCKED
             elif q + tolerance >= near and (far - near < tolerance or _is_hit(image.rays, v, u, q, tolerance)):

@@ -1,7 +1,8 @@
 """What is known of a scan before and after it is followed."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -41,11 +42,14 @@ class Posed:
         Source of the point times.
     sweep_motion : (6,) float64
         Motion during the sweep, for its compensation.
+    doubt : (6,) float64
+        Twist by which the scan before was refined with this one: about as much as this one is off.
     """
 
     T_world_sensor: Pose
     timing: SweepTiming
     sweep_motion: npt.NDArray[np.float64]
+    doubt: npt.NDArray[np.float64] = field(default_factory=partial(np.zeros, 6))
 
 
 Followed = tuple[TimedScan, Posed]

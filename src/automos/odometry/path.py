@@ -89,7 +89,7 @@ class Path:
         self._T_first: Pose = np.eye(4) if T_world_first is None else T_world_first
         nothing = np.zeros((0, 6)), np.zeros((0, 4, 4)), np.zeros(0)
         self.window = Window([], *nothing, USUAL_PERIOD, 0.0)
-        self._leaving = dict[float, Pose]()
+        self._leaving, self._doubt = dict[float, Pose](), np.zeros(6)
         self.share, self.starts = 0.0, list[Array]()
         self._n_final, self._is_one = 0, True  # how many of the window's scans; whether they are of one LiDAR
 
@@ -106,7 +106,7 @@ class Path:
     @property
     def posed(self) -> Posed:
         """The newest scan where it is now."""
-        return Posed(self.T_world_sensor, self.timing, self.timing.share * self.twist)
+        return Posed(self.T_world_sensor, self.timing, self.timing.share * self.twist, self._doubt)
 
     @property
     def poses(self) -> dict[float, Pose]:
@@ -132,8 +132,10 @@ class Path:
         self.stamps = [*self.stamps, timed.stamp]
         self.empty += [timed.stamp] if is_empty else []
         if not is_alone and not is_empty:
+            T_before = self.window.T_world_sensor[-2]
             if self._align_newest() > 0.0:
                 self._smooth()
+            self._doubt = se3_log(inverse(T_before) @ self.window.T_world_sensor[-2])
             self._find_twist()
         if not self.is_patient:
             self._drop()

@@ -8,11 +8,14 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.geometry import inverse
+from automos.core.geometry import Array, inverse
 from automos.core.scan import Pose
 from automos.evidence.free_space import SPAN_TOLERANCE, ask, partners_of
 from automos.evidence.observations import Seen, View
 from automos.settings import FreeSpaceSettings
+
+SURE = 4.0
+"""Poses are off by less than so many times what the last one was refined by."""
 
 
 @dataclass(eq=False)
@@ -30,12 +33,17 @@ class EvidenceWindow:
         """Take the settings of the free-space comparison."""
         self._settings = settings
         self._scans: list[_PastScan] = []
+        self._doubt = 0.0, 0.0
 
     def __len__(self) -> int:
         return len(self._scans)
 
-    def add(self, stamp: float, seen: Seen, T_level_sensor: Pose) -> None:
-        """Store the observations of the scan at `stamp`, later than all others, and its (4, 4) pose."""
+    def add(self, stamp: float, seen: Seen, T_level_sensor: Pose, doubt: Array) -> None:
+        """Store the observations of the scan at `stamp`, later than all others, and its (4, 4) pose.
+
+        doubt : (6,) float64, twist by which the pose may be off, and those of the scans just before.
+        """
+        self._doubt = tuple((SURE * np.linalg.norm(doubt.reshape(2, 3), axis=1)).tolist())
         step = self._settings.far_step
         is_far = not self._scans or np.floor(stamp / step) > np.floor(self._scans[-1].stamp / step)
         self._scans.append(_PastScan(stamp, is_far, seen, T_level_sensor))
@@ -64,7 +72,7 @@ class EvidenceWindow:
         is_far = np.array([scan.is_far for scan in self._scans], np.bool_)
         chosen = partners_of(stamp, stamps, is_far, self._settings)
         others = [self._scans[k].seen for k in chosen]
-        return partial(ask, mine, others, stamps[chosen] - stamp, self._settings)
+        return partial(ask, mine, others, stamps[chosen] - stamp, self._settings, self._doubt)
 
     def forget(self, stamp: float) -> None:
         """Drop scans not needed at `stamp` or later, and the points of all earlier scans."""

@@ -28,9 +28,10 @@ from automos.settings import TrackingSettings
 
 FEW = 3
 """Scans that make a sight of something, or show how the sensor moves: fewer may be one error."""
-RECENT = 1.0
-"""Seconds on which a track that was seen before them is judged, too: what stood and sets off moves, however long it
-stood."""
+GROWN = 1.0
+"""Seconds after which the evidence of a scan is complete, even if the lag is longer; it is updated for the tracks then,
+and halfway, when what creeps and what sets off slowly has left the place behind it. On these seconds a track that was
+seen before them is judged, too: what stood and sets off moves, however long it stood."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +112,7 @@ class Following:
         segments = each_for_itself(Segments.of_scans([step.terms for step in steps]), tracks)
         nothing = (-np.inf, 0.0, 0.0)
         past = Past(*np.array([self._past.get(k, nothing) for k in numbers.tolist()]).reshape(-1, len(nothing)).T)
-        verdicts = self._judged(tracks, segments, stamps, stamps > stamp - RECENT, past)
+        verdicts = self._judged(tracks, segments, stamps, stamps > stamp - GROWN, past)
         self._forget(tracks, numbers, segments, stamps, past)
         if not is_followed or len(stamps) < FEW:  # the sensor's own speed is not known yet, and all may seem to move
             verdicts = _not_moving(verdicts, verdicts.is_moving)

@@ -21,14 +21,10 @@ from automos.objects.detect import recount
 from automos.objects.detections import Detections
 from automos.objects.instances import segment_frame
 from automos.online.evidence import EvidenceWindow
-from automos.online.following import FEW, Found
+from automos.online.following import FEW, GROWN, Found
 from automos.online.renewal import Renewal
 from automos.online.sighting import Sighting, Sightings
 from automos.settings import Settings
-
-GROWN = 1.0
-"""Seconds after which the evidence of a scan is complete, even if the lag is longer; it is updated for the tracks then,
-and halfway, when what creeps and what sets off slowly has left the place behind it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +119,7 @@ class Segmenting:
         self._held.append(held)
         self._lidars = sighted.lidars
         if held.seen is not None:
-            self._window.add(held.stamp, held.seen, held.frame.T_level_sensor)
+            self._window.add(held.stamp, held.seen, held.frame.T_level_sensor, sighted.doubt)
         self._find_segments(held)
         renewed += self._update_doubted()
         return self._release(held.stamp, renewed)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from automos.core.beam_pattern import Lidar
-from automos.core.geometry import inverse, make_transform
+from automos.core.geometry import Array, inverse, make_transform
 from automos.core.scan import Frame, Pose, Scan
 from automos.evidence.height_map import GroundMap
 from automos.evidence.observations import Seen, ground_of, look
@@ -37,6 +37,8 @@ class Sighting:
         Current models of the sensors.
     refined : dict[float, (4, 4) float64]
         T_level_sensor of the last scans, by stamp, as refined with this one.
+    doubt : (6,) float64
+        Twist by which its own pose may be off.
     again : tuple of Frame
         Earlier scans on the path that will replace the current one, in the level frame before the replacement.
     T_after_before : (4, 4) float64, optional
@@ -49,6 +51,7 @@ class Sighting:
     seen: Seen | None
     lidars: list[Lidar]
     refined: dict[float, Pose]
+    doubt: Array
     again: tuple[Frame, ...]
     T_after_before: Pose | None
 
@@ -94,7 +97,7 @@ class Sightings:
         seen = look(frame, lidars, mended(ground, self._grounds), about) if lidars else None
         self._grounds.append(ground)
         refined = {stamp: self._T_level_world @ T for stamp, T in moved.refined.items()}
-        return Sighting(moved.stamp, frame, seen, lidars, refined, again, T_after_before)
+        return Sighting(moved.stamp, frame, seen, lidars, refined, moved.posed.doubt, again, T_after_before)
 
     def _frame(self, scan: Scan, posed: Posed, stamp: float) -> Frame:
         """Return the valid points of `scan`, compensated for the motion during its sweep."""
