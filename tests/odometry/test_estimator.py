@@ -161,7 +161,7 @@ def test_recorded_times_are_not_used_where_the_settings_name_others(time, source
 
 
 def test_an_answer_never_comes_sooner_however_fast_it_was_found():
-    task = BackgroundTask(2.0)
+    task = BackgroundTask(ThreadPoolExecutor(1), 2.0)
     assert task.result(100.0) is None
     task.start(lambda: "first", 5.0)
     task.start(lambda: "second", 6.0)  # one is enough

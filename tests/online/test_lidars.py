@@ -9,7 +9,8 @@ from automos.core.geometry import make_transform
 from automos.core.scan import Frame
 from automos.evidence.ego_body import MIN_SCANS
 from automos.online import lidars
-from automos.online.lidars import DELAY, LidarLearner
+from automos.odometry.background import DELAY
+from automos.online.lidars import LidarLearner
 
 SETTINGS = load_settings("default").candidates
 MOUNTS = np.stack([np.eye(4), make_transform(np.eye(3), [1.0, 0.0, 0.0])])

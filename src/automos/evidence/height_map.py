@@ -65,35 +65,58 @@ def _fill_gaps(values: HeightMap, weights: HeightMap) -> HeightMap:
     """Return `values` (H, W), blended with increasingly coarse averages where their weight is below 1."""
     if max(values.shape) == 1:
         return values
-    total, weight = _halved(weights * values), _halved(weights)
-    coarse = _fill_gaps(total / np.maximum(weight, np.float32(1e-9)), np.minimum(weight, np.float32(1.0)))
-    filled = np.empty_like(values)
-    _double(coarse, filled)
-    return filled + weights * (values - filled)
-
-
-def _halved(values: HeightMap) -> HeightMap:
-    """Return the sums of blocks of 2 x 2 cells of `values`; blocks at the border may be smaller."""
-    even = np.pad(values, [(0, n % 2) for n in values.shape])
-    return even[::2, ::2] + even[::2, 1::2] + even[1::2, ::2] + even[1::2, 1::2]
+    _blend(_fill_gaps(*_halved(values, weights)), weights, values)
+    return values
 
 
 @kernel
-def _double(coarse, fine):  # type: ignore[no-untyped-def]
-    for v in range(fine.shape[0]):
-        for u in range(fine.shape[1]):
-            fine[v, u] = _sample(coarse, 0.5 * u - 0.25, 0.5 * v - 0.25)
+def _halved(values, weights):  # type: ignore[no-untyped-def]
+    """Return the weighted means of blocks of 2 x 2 cells, smaller ones at the border, and their weights, 1 at most."""
+    h, w = values.shape
+    means, sums = np.empty((2, (h + 1) // 2, (w + 1) // 2), np.float32)
+    for v in range(means.shape[0]):
+        for u in range(means.shape[1]):
+            total = weight = np.float32(0.0)
+            for b in range(2 * v, min(2 * v + 2, h)):
+                for a in range(2 * u, min(2 * u + 2, w)):
+                    total += weights[b, a] * values[b, a]
+                    weight += weights[b, a]
+            means[v, u] = total / max(weight, np.float32(1e-9))
+            sums[v, u] = min(weight, np.float32(1.0))
+    return means, sums
+
+
+@kernel
+def _blend(coarse, weights, values):  # type: ignore[no-untyped-def]
+    """Blend `values` in place with those of the `coarse` grid, where their `weights` are below 1."""
+    h, w = values.shape
+    left, part = np.empty(w, np.int64), np.empty(w, np.float64)
+    for u in range(w):
+        left[u], part[u] = _between(0.5 * u - 0.25, coarse.shape[1])
+    right = np.minimum(left + 1, coarse.shape[1] - 1)
+    for v in range(h):
+        above, fy = _between(0.5 * v - 0.25, coarse.shape[0])
+        here, below = coarse[above], coarse[min(above + 1, coarse.shape[0] - 1)]
+        for u in range(w):
+            a, b, fx = left[u], right[u], part[u]
+            upper, lower = (1 - fx) * here[a] + fx * here[b], (1 - fx) * below[a] + fx * below[b]
+            filled = np.float32((1 - fy) * upper + fy * lower)
+            values[v, u] = filled + weights[v, u] * (values[v, u] - filled)
+
+
+@kernel
+def _between(x, n):  # type: ignore[no-untyped-def]
+    """Return the first of two neighbours among `n` that `x` lies between, and the second's share; clamped to them."""
+    x = min(x, n - 1.0) if x > 0.0 else 0.0  # 0 for NaN
+    first = min(int(x), max(n - 2, 0))
+    return first, x - first
 
 
 @kernel
 def _sample(grid, x, y):  # type: ignore[no-untyped-def]
     """Bilinear value of `grid` at column x, row y (integers are the cells' centres), clamped to its border."""
-    h, w = grid.shape
-    x = min(x, w - 1.0) if x > 0.0 else 0.0  # 0 for NaN
-    y = min(y, h - 1.0) if y > 0.0 else 0.0
-    u, v = min(int(x), max(w - 2, 0)), min(int(y), max(h - 2, 0))
-    fx, fy = x - u, y - v
-    u2, v2 = min(u + 1, w - 1), min(v + 1, h - 1)
+    (u, fx), (v, fy) = _between(x, grid.shape[1]), _between(y, grid.shape[0])
+    u2, v2 = min(u + 1, grid.shape[1] - 1), min(v + 1, grid.shape[0] - 1)
     return (1 - fy) * ((1 - fx) * grid[v, u] + fx * grid[v, u2]) + fy * ((1 - fx) * grid[v2, u] + fx * grid[v2, u2])
 
 

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import uniform_filter
 
+from automos.core.kernels import kernel
 from automos.core.scan import Mask
 from automos.evidence.ground import STEP
 from automos.evidence.height_map import GroundMap, rays_above, surface_of
@@ -44,10 +44,13 @@ def mended(ground: GroundMap, before: Sequence[GroundMap]) -> GroundMap:
         stops[:n] &= heights - likely[cells] > STEP
         stops[n:] &= ground.heights - likely[ground.cells] > STEP
     cells, heights = cells[~stops[:n]], heights[~stops[:n]]
-    around = _means_around(cells, heights, ground.width)[ground.cells]
+    known = np.full(ground.width**2, np.nan, np.float32)
+    known[cells] = heights
+    around = _means_around(known.reshape(ground.width, ground.width), ground.cells)
     is_ground = ~stops[n:] & ~(ground.heights - around > STEP)  # NaN where nothing is known around
     ground = ground._replace(cells=ground.cells[is_ground], heights=ground.heights[is_ground])
-    is_new = ~np.isin(cells, ground.cells) & (heights - surface_of(ground).ravel()[cells] < STEP)
+    known[ground.cells] = np.nan
+    is_new = np.isfinite(known[cells]) & (heights - surface_of(ground).ravel()[cells] < STEP)
     return ground._replace(
         cells=np.append(ground.cells, cells[is_new]), heights=np.append(ground.heights, heights[is_new])
     )
@@ -93,10 +96,16 @@ def _middles(cells: Cells, heights: Heights) -> tuple[Cells, Heights]:
     return middle >> 32, ((middle & 0xFFFFFFFF) * _EXACT + lowest).astype(np.float32)
 
 
-def _means_around(cells: Cells, heights: Heights, width: int) -> Heights:
-    """Return (width * width,) the mean of the known `heights` around each cell, NaN where there is none."""
-    grids = np.zeros((2, width * width))
-    grids[0, cells], grids[1, cells] = heights, 1.0
-    total, share = (uniform_filter(grid.reshape(width, width), _AROUND, mode="constant").ravel() for grid in grids)
-    is_any = share > 0.5 / _AROUND**2
-    return np.divide(total, share, out=np.full(len(share), np.nan), where=is_any).astype(np.float32)
+@kernel
+def _means_around(grid, cells):  # type: ignore[no-untyped-def]
+    """Return (K,) the mean of what is known of `grid` (W, W) around each of `cells`, NaN where that is nothing."""
+    w, half, out = len(grid), _AROUND // 2, np.empty(len(cells), np.float32)
+    for k in range(len(cells)):
+        row, column, total, n = cells[k] // w, cells[k] % w, 0.0, 0
+        for v in range(max(row - half, 0), min(row + half + 1, w)):
+            for u in range(max(column - half, 0), min(column + half + 1, w)):
+                if not np.isnan(grid[v, u]):
+                    total += grid[v, u]
+                    n += 1
+        out[k] = total / n if n else np.nan
+    return out

@@ -123,7 +123,8 @@ def _nearer_to_moved(of: Mask, seen: ScanPoints) -> npt.NDArray[np.int64]:
     is_known, has_moved = seen.has_moved | seen.has_stayed, of & seen.has_moved
     known, unknown = np.flatnonzero(of & is_known), np.flatnonzero(of & ~is_known)
     if has_moved.any() and len(unknown):
-        _, nearest = KDTree(seen.points[known]).query(seen.points[unknown])
+        tree = KDTree(seen.points[known], compact_nodes=False, balanced_tree=False)  # quick to make
+        _, nearest = tree.query(seen.points[unknown])
         has_moved[unknown] = seen.has_moved[known[nearest]]
     return np.flatnonzero(has_moved)
 

@@ -24,7 +24,7 @@ from automos.odometry.sweep_timing import SweepTiming, recorded_duration
 from automos.odometry.timing import TimingChoice, choose_timing, order_timing, rear_seam
 from automos.settings import OdometrySettings
 
-DELAY = 0.5
+DELAY = 1.0
 """Seconds of the stream until a result is used, at most: few scans take less."""
 Result = TypeVar("Result")
 
@@ -32,9 +32,12 @@ Result = TypeVar("Result")
 class BackgroundTask(Generic[Result]):
     """A function evaluated once, beside the stream, with its result available after a fixed delay."""
 
-    def __init__(self, delay: float):
-        """Take the delay of the result in seconds of the stream; fixed, so that results do not depend on CPU speed."""
-        self._delay = delay
+    def __init__(self, beside: ThreadPoolExecutor, delay: float = DELAY):
+        """Take the delay of the result in seconds of the stream; fixed, so that results do not depend on CPU speed.
+
+        beside : of one thread, for all tasks: two at once would take the cores that the stream needs.
+        """
+        self._beside, self._delay = beside, delay
         self._future: Future[Result] | None = None
         self._due = math.inf
 
@@ -46,9 +49,7 @@ class BackgroundTask(Generic[Result]):
     def start(self, find: Callable[[], Result], now: float) -> None:
         """Start evaluating `find` at `now` seconds, unless the task was started before."""
         if self._future is None:
-            worker = ThreadPoolExecutor(1, "background_task")
-            self._future, self._due = worker.submit(_beside, find), now + self._delay
-            worker.shutdown(wait=False)
+            self._future, self._due = self._beside.submit(_alone, find), now + self._delay
 
     def is_due(self, now: float) -> bool:
         """Whether the result is used at `now` seconds."""
@@ -59,7 +60,7 @@ class BackgroundTask(Generic[Result]):
         return self._future.result() if self._future is not None and now >= self._due else None
 
 
-def _beside(find: Callable[[], Result]) -> Result:
+def _alone(find: Callable[[], Result]) -> Result:
     # At the priority of the stream, which waits for the result once it is due, and for the interpreter's lock.
     with one_blas_thread():
         return find()
@@ -95,8 +96,8 @@ class TimingSearch:
         Of the scans in which it was searched last; earlier ones did not move, or are far behind.
     """
 
-    def __init__(self, settings: OdometrySettings, is_compensated: bool | None):
-        self._settings, self._is_compensated = settings, is_compensated
+    def __init__(self, settings: OdometrySettings, is_compensated: bool | None, beside: ThreadPoolExecutor):
+        self._settings, self._is_compensated, self._beside = settings, is_compensated, beside
         self._task: BackgroundTask[TimingChoice] | None = None
         self._at, self._pause = -math.inf, WINDOW_SCANS // 2  # stamp of the next search, and scans until one after it
         self.first_stamp = -math.inf
@@ -110,7 +111,7 @@ class TimingSearch:
         for n in (len(last),) if path.is_patient else lengths:
             scans = [(timed, poses.get(timed.stamp, T)) for timed, T in last[-n:]]
             if len(scans) == n and bend_of(np.array([T for _, T in scans])) >= CLOSE:
-                self._task = BackgroundTask(DELAY if path.is_patient else n * period)
+                self._task = BackgroundTask(self._beside, DELAY if path.is_patient else n * period)
                 self._task.start(partial(self._find, scans, None if path.is_patient else path.timing), clock.stamp)
                 self._at = clock.stamp + self._pause * period
                 self.first_stamp = -math.inf if path.is_patient else scans[0][0].stamp

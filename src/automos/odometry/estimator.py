@@ -82,19 +82,20 @@ class Odometry:
         is_compensated: bool | None = None,
         lag: float = 0.0,
         has_stamps: bool = True,
+        beside: ThreadPoolExecutor | None = None,
     ):
         """Take a thread pool, the timing of sweeps, or None to determine it, and the seconds until a pose is needed.
 
-        has_stamps : whether the scans' stamps were measured; otherwise missing scans are counted.
+        has_stamps : whether stamps were measured; else missing scans are counted.   beside : see `BackgroundTask`.
         """
         if timing is None and (is_compensated or settings.time == "none"):
             timing = SweepTiming()
-        self._settings, self._pool = settings, pool
+        self._settings, self._pool, self._beside = settings, pool, beside or ThreadPoolExecutor(1, "beside")
         self._new_path = partial(Path, settings, lag=lag, has_stamps=has_stamps)
         self.path = self._new_path(timing or SweepTiming(), pool=pool)
         self.timing_found: TimingChoice | None = None
-        self._timing_search = TimingSearch(settings, is_compensated) if timing is None else None
-        self._speed_task: BackgroundTask[Stamped | None] = BackgroundTask(DELAY)
+        self._timing_search = TimingSearch(settings, is_compensated, self._beside) if timing is None else None
+        self._speed_task: BackgroundTask[Stamped | None] = BackgroundTask(self._beside)
         self._search_at = -np.inf  # stamp of the next search
         self._n, self._clock = 0, RunningClock()
         self._last = deque[tuple[TimedScan, Pose]](maxlen=None if self.path.is_patient else WINDOWS * WINDOW_SCANS)
@@ -144,12 +145,12 @@ class Odometry:
 
     def _start_tasks(self) -> None:
         """Start the background tasks for which there are enough scans."""
-        settings, is_settled = self._settings, self._correction is None and not self.path.is_patient
+        is_settled = self._correction is None and not self.path.is_patient
         is_due = self._n >= SPEED_SCANS and self._clock.stamp >= self._search_at
         if is_settled and is_due and not self._speed_task.is_started:
-            self._speed_task = BackgroundTask(min(DELAY, 0.5 * self._n * self._clock.period))
-            search = partial(_other_speed, self.path.window, self.path.stamps, settings)
-            self._speed_task.start(search, self._clock.stamp)
+            self._speed_task = BackgroundTask(self._beside, min(DELAY, 0.5 * self._n * self._clock.period))
+            find = partial(_other_speed, self.path.window, self.path.stamps, self._settings)
+            self._speed_task.start(find, self._clock.stamp)
         enough = round(WINDOW / self._clock.period)
         if self._timing_search is not None and (self._n >= enough or not self.path.is_patient):
             self._timing_search.start(list(self._last)[-enough:], self.path, self._clock)
@@ -159,8 +160,7 @@ class Odometry:
         self._correction = self._correction or self._pending_correction(self._clock.stamp)
         if self._correction is None:
             return [], None
-        again = self._correction.advance()
-        return again, self._replace_path() if self._correction.has_caught_up else None
+        return self._correction.advance(), self._replace_path() if self._correction.has_caught_up else None
 
     def _replace_path(self) -> Pose:
         """Let the path that has caught up replace the present one; return the transform between their worlds."""
@@ -185,7 +185,7 @@ class Odometry:
             self.timing_found = found
             self._timing_search = None if found.is_final or self.path.is_patient else search
             if not _are_alike(found.timing, self.path.timing):
-                self._speed_task = BackgroundTask(DELAY)  # what it finds is of the poses under another timing
+                self._speed_task = BackgroundTask(self._beside)  # what it finds is of the poses under another timing
                 last = [(timed, T) for timed, T in self._last if timed.stamp >= search.first_stamp]
                 (_, T), (second, T_second) = last[:2]
                 return self._follow_again(last, found.timing, se3_log(inverse(T) @ T_second) / second.gap)
@@ -217,7 +217,7 @@ class Odometry:
             return None
         found = self._speed_task.result(now)
         pause = 0.0 if found is not None else min(0.5 * self._n * self._clock.period, self.path.reach)
-        self._speed_task, self._search_at = BackgroundTask(DELAY), self._clock.stamp + pause
+        self._speed_task, self._search_at = BackgroundTask(self._beside), self._clock.stamp + pause
         return found
 
     def _go_on_from(self, window: Window, stamps: list[float]) -> Correction:

@@ -189,12 +189,15 @@ def _score(submap, constrains, surfels, T, path, distances, shift, overhead):  #
         x0, y0, z0 = moved(T, float(points[i, 0]), float(points[i, 1]), float(points[i, 2]))
         beside = abs(along[0] * points[i, 1] - along[1] * points[i, 0])
         where = 2 if points[i, 2] > overhead else int(beside > BESIDE)
+        last, row = np.int64(-1), -1  # voxel, and its row if it constrains: neighbouring distances share it
         for d in range(len(distances)):
             e = distances[d] + times[i] * shift[d]
             x, y, z = x0 + e * direction[0], y0 + e * direction[1], z0 + e * direction[2]
-            slot = find_slot(keys, voxel_of(x, y, z))
-            row = rows[slot]
-            if keys[slot] == -1 or constrains[row] <= LEAST_CONSTRAINT:
+            key = voxel_of(x, y, z)
+            if key != last:
+                slot = find_slot(keys, key)
+                last, row = key, -1 if keys[slot] == -1 or constrains[rows[slot]] <= LEAST_CONSTRAINT else rows[slot]
+            if row < 0:
                 continue
             worst = 0.0
             for k in range(2):

@@ -5,6 +5,7 @@ determined in the background from scans some distance apart, again whenever the 
 whole range was observed from elsewhere.
 """
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from automos.core.beam_pattern import Lidar, is_known, learn_pattern
 from automos.core.scan import Frame, Pose
 from automos.evidence.ego_body import MIN_SCANS
 from automos.evidence.observations import learn_lidars, with_body
-from automos.odometry.background import DELAY, BackgroundTask
+from automos.odometry.background import BackgroundTask
 from automos.settings import CandidatesSettings
 
 PATTERN_POINTS = 1000
@@ -26,13 +27,14 @@ MOST_SCANS = 2 * MIN_SCANS
 class LidarLearner:
     """Learns from the frames of a stream."""
 
-    def __init__(self, settings: CandidatesSettings):
-        """Start without knowledge: `lidars` is empty."""
+    def __init__(self, settings: CandidatesSettings, beside: ThreadPoolExecutor | None = None):
+        """Start without knowledge: `lidars` is empty. `beside` is for searches, see `BackgroundTask`."""
+        self._beside = beside or ThreadPoolExecutor(1, "beside")
         self.lidars: list[Lidar] = []
         self._settings = settings
         self._apart: list[Frame] = []
         self._distance = self._shortest = settings.ego_body.max_range / 16.0  # metres between them
-        self._task: BackgroundTask[list[Lidar]] = BackgroundTask(DELAY)
+        self._task: BackgroundTask[list[Lidar]] = BackgroundTask(self._beside)
 
     def add(self, frame: Frame) -> None:
         """Take the next frame."""
@@ -42,7 +44,7 @@ class LidarLearner:
             return
         found = self._task.result(frame.stamp)
         if found is not None:
-            self.lidars, self._task = _with_bodies(self.lidars, found), BackgroundTask(DELAY)
+            self.lidars, self._task = _with_bodies(self.lidars, found), BackgroundTask(self._beside)
         self.lidars = [lidar if is_known(lidar.pattern) else _learnt(lidar, frame) for lidar in self.lidars]
         if self._distance > self._settings.ego_body.max_range or len(frame.points) < PATTERN_POINTS:
             return
@@ -59,7 +61,7 @@ class LidarLearner:
     def forget_poses(self) -> None:
         """Restart with later frames, because the poses of earlier ones are outdated; so is a search among them."""
         self._apart, self._distance = [], self._shortest
-        self._task = BackgroundTask(DELAY)
+        self._task = BackgroundTask(self._beside)
 
 
 def _learnt(lidar: Lidar, frame: Frame) -> Lidar:

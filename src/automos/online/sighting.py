@@ -70,8 +70,9 @@ class Sightings:
         """Take the arguments of `Stream`."""
         self.T_level_sensor: Pose = np.eye(4) if T_world_first is None else T_world_first
         self._settings = settings
-        self._odometry = Odometry(settings.odometry, pool, None, is_compensated, has_stamps=has_stamps)
-        self._learner = LidarLearner(settings.candidates)
+        beside = ThreadPoolExecutor(1, "beside")
+        self._odometry = Odometry(settings.odometry, pool, None, is_compensated, has_stamps=has_stamps, beside=beside)
+        self._learner = LidarLearner(settings.candidates, beside)
         self._T_level_world = self.T_level_sensor
         self._is_level = False
         self._grounds = deque[GroundMap](maxlen=SCANS_BEFORE)
