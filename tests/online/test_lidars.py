@@ -8,8 +8,8 @@ from automos.core.beam_pattern import is_known, ray_steps
 from automos.core.geometry import make_transform
 from automos.core.scan import Frame
 from automos.evidence.ego_body import MIN_SCANS
-from automos.online import lidars
 from automos.odometry.background import DELAY
+from automos.online import lidars
 from automos.online.lidars import LidarLearner
 
 SETTINGS = load_settings("default").candidates
