@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from automos import Labeler, load_settings
+from automos.core.geometry import make_transform
 from automos.core.upright_boxes import Boxes
 from automos.objects.detections import Detections
 from automos.objects.tracker import Tracker, track_objects, until_last_seen
@@ -96,6 +97,35 @@ def test_what_is_seen_for_the_first_time_is_not_known_to_move():
     assert not following.at(0.1, []).verdicts.is_moving.any()  # nor how the sensor moves
     following.add(seen(0.2, cars(3.0)))
     assert probability(following, 0.2) > 0.5
+
+
+def test_on_a_path_that_was_wrong_a_parked_car_went_nowhere_and_keeps_its_number():
+    following, at = Following(SETTINGS, 0.0), lambda k: -1.0 * k  # while the sensor drives a metre a scan unnoticed
+    for k in range(6):
+        following.add(seen(0.1 * k, cars(at(k))))
+    before = following.at(0.5, [])
+    changes = {0.1 * k: make_transform(np.eye(3), [at(5) - at(k), 0.0, 0.0]) for k in range(6)}
+    following.move(changes)
+    for k in range(6, 8):
+        following.add(seen(0.1 * k, seen_to_move(0.0, at(5))))
+    after = following.at(0.1 * 7, [])
+    assert before.here.velocity[0, 0] < -5.0
+    assert abs(after.here.velocity[0, 0]) < 0.5
+    np.testing.assert_allclose(after.here.center[0, :2], [at(5), 0.0], atol=0.1)
+    assert after.numbers.tolist() == before.numbers.tolist()
+
+
+@pytest.mark.parametrize(("n_moving", "is_believed"), [(3, True), (10, False)])
+def test_at_the_start_hardly_a_quarter_of_all_things_moves(n_moving, is_believed):
+    following, n = Following(SETTINGS, 0.0), 30
+    is_mover = np.arange(n) < n_moving
+    for k in range(8):
+        boxes = Boxes.concatenate([cars(20.0 * i + (1.0 * k if i < n_moving else 0.0)).boxes for i in range(n)])
+        counts = np.full(n, 100.0), 100.0 * is_mover, 100.0 * ~is_mover
+        following.add(seen(0.1 * k, Detections.of_objects(boxes, *counts)))
+        if k == 4:
+            assert following.at(0.4, []).verdicts.is_moving.any() == is_believed
+    assert following.at(0.1 * 7, []).verdicts.is_moving.sum() == n_moving  # by now the speed has been looked for
 
 
 @pytest.mark.parametrize(("lag", "step"), [(MEMORY + 2.0, 0.5), (MEMORY + 0.5, 0.25)])

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.scan import Pose
 from automos.core.upright_boxes import Boxes
 
 
@@ -53,6 +54,10 @@ class Detections:
 
     def __getitem__(self, rows: npt.NDArray) -> Detections:
         return Detections(self.boxes[rows], *(getattr(self, name)[rows] for name in _COLUMNS))
+
+    def moved(self, T: Pose) -> Detections:
+        """Return them where the scan is elsewhere, by the (4, 4) `T` of the level frame."""
+        return replace(self, boxes=self.boxes.transformed(T), sensor=self.sensor @ T[:2, :2].T + T[:2, 3])
 
     @property
     def moving_share(self) -> npt.NDArray[np.float64]:

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.geometry import Array
-from automos.core.scan import Mask
+from automos.core.scan import Mask, Pose
 from automos.objects import filter as kalman
 from automos.objects.association import Objects, assign, association_cost, cost_of_none, motion_cost
 from automos.objects.detections import Detections
@@ -48,6 +48,15 @@ class Tracker:
     def numbers(self) -> Rows:
         """The numbers of all objects that may be observed again."""
         return self._alive.track
+
+    def move(self, T_before: Pose, T: Pose, dt: float) -> None:
+        """Move the objects by `T` (4, 4) of the level frame, and where they were `dt` seconds before by `T_before`."""
+        mean = self._alive.mean.copy()
+        was = mean[:, :3] - dt * mean[:, kalman.VELOCITY]
+        mean[:, :3] = mean[:, :3] @ T[:3, :3].T + T[:3, 3]
+        mean[:, kalman.YAW] += np.arctan2(T[1, 0], T[0, 0])
+        mean[:, kalman.VELOCITY] = (mean[:, :3] - was @ T_before[:3, :3].T - T_before[:3, 3]) / dt
+        self._alive = replace(self._alive, mean=mean)
 
     def step(self, stamp: float, found: Detections) -> Tracks:
         """Return one row for every object after the next scan, at `stamp` seconds, with the segments `found`."""

@@ -148,7 +148,7 @@ class Odometry:
         is_settled = self._correction is None and not self.path.is_patient
         is_due = self._n >= SPEED_SCANS and self._clock.stamp >= self._search_at
         if is_settled and is_due and not self._speed_task.is_started:
-            self._speed_task = BackgroundTask(self._beside, min(DELAY, 0.5 * self._n * self._clock.period))
+            self._speed_task = BackgroundTask(self._beside, min(2.0 * DELAY, 0.5 * self._n * self._clock.period))
             find = partial(_other_speed, self.path.window, self.path.stamps, self._settings)
             self._speed_task.start(find, self._clock.stamp)
         enough = round(WINDOW / self._clock.period)

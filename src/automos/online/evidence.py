@@ -38,6 +38,11 @@ class EvidenceWindow:
     def __len__(self) -> int:
         return len(self._scans)
 
+    @property
+    def poses(self) -> dict[float, Pose]:
+        """(4, 4) T_level_sensor of all scans held, by stamp."""
+        return {scan.stamp: scan.T_level_sensor for scan in self._scans}
+
     def add(self, stamp: float, seen: Seen, T_level_sensor: Pose, doubt: Array) -> None:
         """Store the observations of the scan at `stamp`, later than all others, and its (4, 4) pose.
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.scan import Mask
+from automos.core.scan import Mask, Pose
 from automos.core.upright_boxes import Boxes
 from automos.objects.detections import Detections
 from automos.objects.extents import Intervals, boxed_intervals, make_whole
@@ -95,6 +95,16 @@ class Following:
         """Track all objects into the next scan, whose segments `found` are final."""
         self._steps.append(_next_step(self._tracker, found))
 
+    def move(self, changes: dict[float, Pose]) -> None:
+        """Move what was found in earlier scans by `changes`, those of some scans; see `Segmented`."""
+        if not changes or not self._steps:
+            return
+        stamps, times = np.array(list(changes)), np.array([step.found.stamp for step in self._steps])
+        of_steps = [changes[stamps[np.argmin(np.abs(stamps - time))]] for time in times]
+        self._steps = deque(map(_moved, self._steps, of_steps))
+        if len(times) > 1:
+            self._tracker.move(of_steps[-2], of_steps[-1], times[-1] - times[-2])
+
     def renew(self, found: Found) -> None:
         """Update the segments of a scan, if it is still held."""
         for k, step in enumerate(self._steps):
@@ -114,7 +124,10 @@ class Following:
         past = Past(*np.array([self._past.get(k, nothing) for k in numbers.tolist()]).reshape(-1, len(nothing)).T)
         verdicts = self._judged(tracks, segments, stamps, stamps > stamp - GROWN, past)
         self._forget(tracks, numbers, segments, stamps, past)
-        if not is_followed or len(stamps) < FEW:  # the sensor's own speed is not known yet, and all may seem to move
+        is_lost = stamps[0] > stamps[-1] - 0.5 * GROWN and _many_move(steps[scan].terms)
+        if (
+            not is_followed or len(stamps) < FEW or is_lost
+        ):  # the sensor's own speed is not known yet: all seems to move
             verdicts = _not_moving(verdicts, verdicts.is_moving)
         kept = ~is_scenery(tracks, verdicts.is_moving, segments)
         rows = np.flatnonzero((tracks.scan == scan) & kept[tracks.track])
@@ -165,6 +178,21 @@ class Following:
             self._past.update(zip(numbers.tolist(), map(tuple, about.tolist()), strict=True))
         for _ in range(np.count_nonzero(is_over)):
             self._steps.popleft()
+
+
+def _many_move(terms: SegmentTerms) -> bool:
+    """Return whether a quarter of a scan's segments seem to move, and more than a few: most of what is seen stands."""
+    _, moved, stayed = terms.counts[terms.part_of < 0].T
+    return bool((moved > stayed).sum() > max(FEW, (stayed > moved).sum() / 3.0))
+
+
+def _moved(step: _Step, T: Pose) -> _Step:
+    """Return a step whose scan is elsewhere, by `T` (4, 4) of the level frame."""
+    found, rows = step.found, step.rows
+    found = found._replace(segments=found.segments.moved(T), origin=T[:3, :3] @ found.origin + T[:3, 3])
+    boxes = Boxes(rows.center, rows.size, rows.yaw, np.ones(len(rows.yaw))).transformed(T)
+    rows = replace(rows, center=boxes.center, yaw=boxes.yaw, velocity=rows.velocity @ T[:3, :3].T)
+    return _Step(found, rows, segment_terms(found.segments, found.is_far))
 
 
 def _not_moving(verdicts: Verdicts, which: Mask) -> Verdicts:

@@ -7,7 +7,8 @@ the next scan can be segmented while the objects of the last one are tracked.
 
 from collections import deque
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -52,12 +53,15 @@ class Segmented:
         Preliminary segments of the scans after those.
     due : list of SegmentedScan
         The scans whose lag has passed.
+    moved : dict[float, (4, 4) float64]
+        By stamp, how places of earlier scans moved in the level frame, as their path was replaced.
     """
 
     renewed: list[Future[Found]]
     settled: list[Found]
     ahead: list[Found]
     due: list[SegmentedScan]
+    moved: dict[float, Pose] = field(default_factory=dict)
 
 
 @dataclass(eq=False)
@@ -73,10 +77,12 @@ class _Held:
     n_compared: int = 0
     is_settled: bool = False
     is_half_grown: bool = False
+    T_moved: Pose = field(default_factory=partial(np.eye, 4))  # of its places, since its segments were found
 
     def found(self, is_far: bool) -> Found:
         """Return its segments, with whether it was compared with scans a second or more away."""
-        return Found(self.stamp, Detections.from_arrays(self.segments or {}), is_far, self.frame.origin_level)
+        segments = Detections.from_arrays(self.segments or {}).moved(self.T_moved)
+        return Found(self.stamp, segments, is_far, self.frame.origin_level)
 
 
 class Segmenting:
@@ -113,7 +119,7 @@ class Segmenting:
         renewed = self._update_grown(scan.stamp)
         sighted = self._sightings.step(scan)
         self._start = min(self._start, sighted.stamp)
-        self._renew(sighted)
+        moved = self._renew(sighted)
         self._place(sighted.refined)
         held = _Held(number, sighted.stamp, sighted.frame, sighted.seen)
         self._held.append(held)
@@ -122,24 +128,34 @@ class Segmenting:
             self._window.add(held.stamp, held.seen, held.frame.T_level_sensor, sighted.doubt)
         self._find_segments(held)
         renewed += self._update_doubted()
-        return self._release(held.stamp, renewed)
+        return replace(self._release(held.stamp, renewed), moved=moved)
 
     def finish(self) -> Segmented:
         """Return the remaining results."""
         return self._release(np.inf, []) if self._held else Segmented([], [], [], [])
 
-    def _renew(self, sighted: Sighting) -> None:
-        """Recompute the observations of earlier scans while a new path catches up; use them once it has."""
+    def _renew(self, sighted: Sighting) -> dict[float, Pose]:
+        """Recompute the observations of earlier scans while a new path catches up; use them once it has.
+
+        Returns how places of these scans move, by stamp, see `Segmented`.
+        """
         for frame in sighted.again:
             is_held = any(held.stamp == frame.stamp for held in (*self._held, *self._growing))
             self._renewal.add(frame, self._lidars, is_held)
         if sighted.T_after_before is None:
-            return
+            return {}
+        before = self._window.poses
         frames = self._renewal.take_over(sighted.T_after_before, self._window)
         for held in (*self._held, *self._growing):
             if held.stamp in frames:
                 held.frame, held.seen = frames[held.stamp]
         self._doubted = deque(self._growing)
+        moved = {stamp: T @ inverse(before[stamp]) for stamp, T in self._window.poses.items()}
+        for held in (*self._held, *self._growing):
+            held.T_moved = moved.get(held.stamp, np.eye(4)) @ held.T_moved
+            if not held.is_settled and held.segments is not None:
+                self._find_segments(held)
+        return moved
 
     def _place(self, poses: dict[float, Pose]) -> None:
         """Move the last scans to their refined poses."""
@@ -197,6 +213,7 @@ class Segmenting:
         net, seen = self._window.comparison(held.stamp, held.seen)(self._pool), held.seen
         held.about = candidates_of(net, seen.kind, seen.height, seen.solidity, ray_steps(self._lidars))
         held.segments = segment_frame(self._settings.instances, (held.frame, held.about))
+        held.T_moved = np.eye(4)
 
     def _release(self, now: float, renewed: list[Future[Found]]) -> Segmented:
         """Return the results that are final or due at `now`, seconds, and drop data no longer needed."""

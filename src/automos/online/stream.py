@@ -59,6 +59,7 @@ class Stream:
 
     def follow(self, segmented: Segmented) -> Iterator[LabelledScan]:
         """Yield the scans whose lag has passed; call with `segmented` in order."""
+        self._following.move(segmented.moved)
         for done in segmented.renewed:
             self._following.renew(done.result())
         for found in segmented.settled:
