@@ -67,7 +67,7 @@ def main() -> None:
     rclpy.init()
     robot = rclpy.create_node("robot")
     policy = ReliabilityPolicy.BEST_EFFORT if given.best_effort else ReliabilityPolicy.RELIABLE
-    publisher = robot.create_publisher(PointCloud2, "/robot/points", QoSProfile(depth=1, reliability=policy))
+    publisher = robot.create_publisher(PointCloud2, "/robot/points", QoSProfile(depth=5, reliability=policy))
     sent: dict[tuple[int, int], float] = {}
     waited: list[float] = []
 

@@ -12,9 +12,9 @@ from automos.core.errors import AutomosError, InputError
 from automos.core.scan import Scan, Sequence
 from automos.odometry.clock import USUAL_PERIOD
 
-ROOM = 3
+ROOM = 4
 """Scans that wait, all but one for pushes that take longer than a sensor's period now and then: what keeps up on
-average leaves none out; what does not, labels scans that are two periods older."""
+average leaves none out; what does not, labels scans that are three periods older."""
 
 
 class Latest:
