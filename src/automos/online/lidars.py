@@ -15,7 +15,7 @@ from automos.core.beam_pattern import Lidar, is_known, learn_pattern
 from automos.core.scan import Frame, Pose
 from automos.evidence.ego_body import MIN_SCANS
 from automos.evidence.observations import learn_lidars, with_body
-from automos.odometry.background import BackgroundTask
+from automos.odometry.background import DELAY, BackgroundTask
 from automos.settings import CandidatesSettings
 
 PATTERN_POINTS = 1000
@@ -51,9 +51,10 @@ class LidarLearner:
         if self._apart and np.linalg.norm(frame.origin_level - self._apart[-1].origin_level) < self._distance:
             return
         self._apart.append(replace(frame))  # a copy without cached results
-        is_due = len(self._apart) == (MIN_SCANS + 1 if self._distance == self._shortest else MOST_SCANS)
-        if is_due and not self._task.is_started:
+        is_first = self._distance == self._shortest
+        if len(self._apart) == (MIN_SCANS + 1 if is_first else MOST_SCANS) and not self._task.is_started:
             frames, lidars = _FewFrames(self._apart), self.lidars
+            self._task = BackgroundTask(self._beside, DELAY if is_first else 2.0 * DELAY)
             self._task.start(lambda: with_body(lidars, frames, self._settings, 1), frame.stamp)
         if len(self._apart) == MOST_SCANS:
             self._apart, self._distance = self._apart[::2], 2.0 * self._distance
