@@ -13,7 +13,7 @@ from automos.core.range_image import find_neighbours, make_image, project
 from automos.core.scan import GROUND, OBJECT, Scan
 from automos.core.upright_boxes import iou_3d, points_in_boxes
 from automos.core.voxels import VoxelMap, rows_of_first_in_voxel
-from automos.evidence import ego_body, on_body, votes
+from automos.evidence import ego_body, on_body, steady_ground, votes
 from automos.evidence.clouds import in_clouds
 from automos.evidence.ground import find_ground
 from automos.evidence.look_through import look_through
@@ -43,6 +43,7 @@ def _ground(points: np.ndarray) -> None:
     x, y = (axis.ravel() for axis in np.mgrid[-20:20:0.5, -20:20:0.5])
     floor = np.stack([x, y, np.full(x.shape, -1.7)], axis=-1).astype(points.dtype)
     find_ground(np.concatenate([floor, points]), np.zeros(3), SETTINGS.candidates.ground)
+    steady_ground._means_around(np.resize(points[:, 2], (8, 8)), np.arange(64))
 
 
 def _free_space(points: np.ndarray) -> None:
