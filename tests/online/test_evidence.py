@@ -1,4 +1,4 @@
-"""Evidence of a stream: where its poses may be off, what stands is met again within as much more."""
+"""Evidence of a stream: where its poses may be off, rays must go on farther behind a place to see through it."""
 
 from dataclasses import replace
 

@@ -125,9 +125,7 @@ class Following:
         verdicts = self._judged(tracks, segments, stamps, stamps > stamp - GROWN, past)
         self._forget(tracks, numbers, segments, stamps, past)
         is_lost = stamps[0] > stamps[-1] - 0.5 * GROWN and _many_move(steps[scan].terms)
-        if (
-            not is_followed or len(stamps) < FEW or is_lost
-        ):  # the sensor's own speed is not known yet: all seems to move
+        if not is_followed or len(stamps) < FEW or is_lost:  # the sensor's own speed is not known yet
             verdicts = _not_moving(verdicts, verdicts.is_moving)
         kept = ~is_scenery(tracks, verdicts.is_moving, segments)
         rows = np.flatnonzero((tracks.scan == scan) & kept[tracks.track])

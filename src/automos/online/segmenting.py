@@ -146,13 +146,13 @@ class Segmenting:
             return {}
         before = self._window.poses
         frames = self._renewal.take_over(sighted.T_after_before, self._window)
+        moved = {stamp: T @ inverse(before[stamp]) for stamp, T in self._window.poses.items()}
         for held in (*self._held, *self._growing):
             if held.stamp in frames:
                 held.frame, held.seen = frames[held.stamp]
-        self._doubted = deque(self._growing)
-        moved = {stamp: T @ inverse(before[stamp]) for stamp, T in self._window.poses.items()}
-        for held in (*self._held, *self._growing):
             held.T_moved = moved.get(held.stamp, np.eye(4)) @ held.T_moved
+        self._doubted = deque(self._growing)
+        for held in self._held:
             if not held.is_settled and held.segments is not None:
                 self._find_segments(held)
         return moved
