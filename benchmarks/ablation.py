@@ -19,8 +19,7 @@ import yaml
 from automos.core.beam_pattern import BeamPattern
 from automos.core.errors import InputError
 from automos.core.scan import Mask, Points
-from automos.odometry import missing_scans, speed
-from automos.odometry.speed import Landmarks, SpeedSearch, search_speed
+from automos.odometry import missing_scans
 from automos.settings import PRESETS
 
 NEVER = 1e9
@@ -86,12 +85,8 @@ OTHER_METHODS = (
 """Choices of whole methods, not of a rule or a term."""
 
 
-def _without_direction(window: Any, settings: Any, pool: Any = None) -> SpeedSearch:
-    is_known = speed.direction_of(window.steps) is not None
-    if is_known:
-        return search_speed(window, settings, pool)
-    nothing = np.zeros((len(window) - 1, 3))
-    return SpeedSearch(nothing, nothing, Landmarks.nothing(), Landmarks.nothing())
+def _no_rivals(*still: Any) -> list[Any]:
+    return []
 
 
 def _none_missing(window: Any, settings: Any, pool: Any = None) -> Any:
@@ -106,12 +101,12 @@ def _nothing_refound(window: Any, overhead: Any, pool: Any) -> npt.NDArray:
     return np.zeros((len(window) - 1, len(missing_scans.TRIED)))
 
 
-REFINE, GAPS = "automos.odometry.refine", "automos.odometry.missing_scans"
+SPEED, GAPS = "automos.odometry.likely_speed", "automos.odometry.missing_scans"
 ODOMETRY: dict[str, dict[str, Any]] = {
     "starts at other speeds": {"automos.odometry.path:first_steps": lambda T, fastest: T[None]},
-    "a search for the speed": {f"{REFINE}:ROUNDS": 1, f"{REFINE}:lengthen": lambda T, longer: T},
-    "a search where the sensor seems to stand": {f"{REFINE}:search_speed": _without_direction},
-    "the rival that landmarks propose": {f"{REFINE}:is_ahead": lambda *evidence: False},
+    "a search for the speed": {f"{SPEED}:ROUNDS": 1, f"{SPEED}:lengthen": lambda T, longer: T},
+    "a search from a standstill": {f"{SPEED}:search_from_rest": _no_rivals},
+    "the rival that landmarks propose": {f"{SPEED}:is_ahead": lambda *evidence: False},
     "isolated points": {
         "automos.odometry.facing:count_met_again": lambda *met: 0.0,
         f"{GAPS}:count_met_again": lambda *met: 0.0,

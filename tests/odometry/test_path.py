@@ -60,7 +60,7 @@ def test_a_scan_without_points_goes_on_as_the_sensor_did():
 
 def test_a_search_for_the_speed_changes_nothing_where_it_is_right():
     odometry, _ = pushed(street(16).sequence)
-    assert at_another_speed(odometry.window, SETTINGS) is None
+    assert at_another_speed(odometry.window, SETTINGS, {}) is None
 
 
 N = 55

@@ -21,6 +21,7 @@ from automos.core.scan import Pose, Scan
 from automos.odometry.background import DELAY, BackgroundTask, TimingSearch, timing_from_times, usual_timing
 from automos.odometry.clock import RunningClock
 from automos.odometry.correction import Correction
+from automos.odometry.facing import ScoredPlaces
 from automos.odometry.followed import Followed, Posed, Stamped, TimedScan
 from automos.odometry.moving_windows import WINDOW_SCANS, WINDOWS
 from automos.odometry.path import WINDOW, Path
@@ -96,7 +97,7 @@ class Odometry:
         self.timing_found: TimingChoice | None = None
         self._timing_search = TimingSearch(settings, is_compensated, self._beside) if timing is None else None
         self._speed_task: BackgroundTask[Stamped | None] = BackgroundTask(self._beside)
-        self._search_at = -np.inf  # stamp of the next search
+        self._scored: ScoredPlaces = {}
         self._n, self._clock = 0, RunningClock()
         self._last = deque[tuple[TimedScan, Pose]](maxlen=None if self.path.is_patient else WINDOWS * WINDOW_SCANS)
         self._correction: Correction | None = None
@@ -146,10 +147,9 @@ class Odometry:
     def _start_tasks(self) -> None:
         """Start the background tasks for which there are enough scans."""
         is_settled = self._correction is None and not self.path.is_patient
-        is_due = self._n >= SPEED_SCANS and self._clock.stamp >= self._search_at
-        if is_settled and is_due and not self._speed_task.is_started:
-            self._speed_task = BackgroundTask(self._beside, min(2.0 * DELAY, 0.5 * self._n * self._clock.period))
-            find = partial(_other_speed, self.path.window, self.path.stamps, self._settings)
+        if is_settled and self._n >= SPEED_SCANS and not self._speed_task.is_started:
+            self._speed_task = BackgroundTask(self._beside, min(DELAY, 0.5 * self._n * self._clock.period))
+            find = partial(_other_speed, self.path.window, self.path.stamps, self._settings, self._scored)
             self._speed_task.start(find, self._clock.stamp)
         enough = round(WINDOW / self._clock.period)
         if self._timing_search is not None and (self._n >= enough or not self.path.is_patient):
@@ -168,7 +168,7 @@ class Odometry:
         T_before_now = self.path.T_world_sensor @ inverse(self._correction.path.T_world_sensor)
         told = [(timed, posed.T_world_sensor) for timed, posed in self._correction.told]
         self._last = deque(told, maxlen=self._last.maxlen)
-        self.path, self._correction = self._correction.path, None
+        self.path, self._correction, self._scored = self._correction.path, None, {}
         self.path.work_in(self._pool)
         return T_before_now
 
@@ -209,15 +209,11 @@ class Odometry:
         return best.twist if tried[0].path.share < NEARLY_ALL * best.share else self.path.twist
 
     def _searched(self, now: float) -> Stamped | None:
-        """Return the last scans at another speed if a search has found one; and plan the next search.
-
-        At first there is half as much time between searches as there was before them, later about what one sees.
-        """
+        """Return the last scans at another speed if a search has found one; the next search may begin then."""
         if not self._speed_task.is_due(now):
             return None
         found = self._speed_task.result(now)
-        pause = 0.0 if found is not None else min(0.5 * self._n * self._clock.period, self.path.reach)
-        self._speed_task, self._search_at = BackgroundTask(self._beside), self._clock.stamp + pause
+        self._speed_task = BackgroundTask(self._beside)
         return found
 
     def _go_on_from(self, window: Window, stamps: list[float]) -> Correction:
@@ -240,8 +236,10 @@ class Odometry:
         return Correction(path, [], [timed for timed, _ in last], self._pool)
 
 
-def _other_speed(window: Window, stamps: list[float], settings: OdometrySettings) -> Stamped | None:
-    found = at_another_speed(window, settings)
+def _other_speed(
+    window: Window, stamps: list[float], settings: OdometrySettings, scored: ScoredPlaces
+) -> Stamped | None:
+    found = at_another_speed(window, settings, scored)
     return None if found is None else (found, stamps)
 
 

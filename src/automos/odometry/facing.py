@@ -108,6 +108,12 @@ def weighed_down(scores: Array, whole: float, distances: Array) -> Array:
     return scores * np.minimum(scores / np.maximum(whole * expected_share(distances), 1e-9), 1.0)
 
 
+PlaceScores = tuple[Array, Array, Array, Array]
+"""What is re-observed from one scan on: rows of `by_all`, `by_landmarks`, `refound` and `whole` of `SpeedScores`."""
+ScoredPlaces = dict[tuple[int, ...], dict[int, PlaceScores]]
+"""These by the number of the scan, for each range of speeds, longest baseline and side of the sensor."""
+
+
 @dataclass(frozen=True, eq=False)
 class SpeedScores:
     """Re-observed surfaces at each of M places under each of S speeds."""
@@ -135,17 +141,27 @@ class SpeedScores:
 
 
 def score_speeds(
-    forward: Array, window: Window, settings: OdometrySettings, pool: ThreadPoolExecutor | None
+    forward: Array,
+    window: Window,
+    settings: OdometrySettings,
+    pool: ThreadPoolExecutor | None,
+    max_reverse: float,
+    scored: ScoredPlaces | None = None,
 ) -> SpeedScores:
-    """Return how much is re-observed along `forward` (3,) at every speed."""
+    """Return how much is re-observed along `forward` (3,) at every speed, backwards up to `max_reverse` (m/s).
+
+    Places that were `scored` in earlier windows of the same path are not scored again; it has those of this one then.
+    """
     T, surfels, period = window.T_world_sensor, window.surfels, window.period
     lags = sorted({min(max(round(lag / period), 1), len(window) - 1) for lag in LAGS})
-    starts = np.arange(0, len(window) - max(lags), max(max(lags) // 2, 1))
+    every, n_places = max(max(lags) // 2, 1), len(window) - max(lags)
+    starts = np.arange(-window.first % every if window.first + every <= n_places else 0, n_places, every)
     clock = window.clock
-    speeds = np.arange(-settings.max_reverse, settings.max_speed, STEP)
+    speeds = np.arange(-max_reverse, settings.max_speed, STEP)
     alone = cache(lambda i: isolated_points(surfels[i], forward, settings.overhead, BESIDE))
 
-    def score(start: int) -> tuple[Array, Array, Array, Array]:
+    def score(number: int) -> PlaceScores:
+        start = number - window.first
         submap, whole = facing_surfaces(surfels[start], forward, settings.overhead)
         ends = [start + lag for lag in lags]
         seconds = clock[ends] - clock[start]
@@ -160,12 +176,18 @@ def score_speeds(
         by_all, by_landmarks = (_weighted_share(weights, found, whole, distances) for weights in (ALL, LANDMARKS))
         return by_all, by_landmarks, found.mean(axis=0), whole
 
-    todo = starts.tolist()
-    scored = zip(*(map(score, todo) if pool is None else pool.map(score, todo)), strict=True)
+    kind = (len(speeds), max(lags), *np.round(forward).astype(int).tolist())
+    known = {} if scored is None else scored.get(kind, {})
+    numbers = (window.first + starts).tolist()
+    new = [number for number in numbers if number not in known]
+    known |= zip(new, map(score, new) if pool is None else pool.map(score, new), strict=True)
+    places = {number: known[number] for number in numbers}
+    if scored is not None:
+        scored[kind] = places
     ends = starts + max(lags)
     present = signed_distance(inverse(T[starts]) @ T[ends], forward)[0] / (clock[ends] - clock[starts])
     times = np.interp(starts + np.mean(lags), np.arange(len(clock)), clock)
-    return SpeedScores(speeds, times, present, *(np.array(part) for part in scored))
+    return SpeedScores(speeds, times, present, *(np.array(part) for part in zip(*places.values(), strict=True)))
 
 
 def _weighted_share(weights: Array, found: Array, whole: Array, distances: Array) -> Array:

@@ -18,8 +18,9 @@ from automos.core.geometry import Array, inverse
 from automos.core.scan import Pose
 from automos.odometry.facing import BESIDE, EVIDENCE, facing_surfaces, score_distances, weighed_down
 from automos.odometry.isolated import count_met_again, isolated_points
+from automos.odometry.likely_speed import to_likely_speed
 from automos.odometry.motion import MIN_STEP
-from automos.odometry.speed import direction_of, lengthen, to_likely_speed
+from automos.odometry.speed import direction_of, lengthen
 from automos.odometry.submap import CLOSE, NOISE
 from automos.odometry.window import ROUNDS, Window
 from automos.settings import OdometrySettings

@@ -6,19 +6,16 @@ position. All links are solved together with a weak prior on even motion, which 
 """
 
 from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from automos.core.geometry import Array, adjoint, inverse, se3_exp, se3_log, transform
+from automos.core.geometry import adjoint, inverse, se3_exp, se3_log, transform
 from automos.core.normal_equations import FIXED, NormalEquations
 from automos.core.scan import Pose
-from automos.odometry.links import Alignment, Consistency, Link, Links, consistency_of, share_close, that_match
-from automos.odometry.motion import can_be_driven
-from automos.odometry.speed import SpeedSearch, is_ahead, lengthen, search_speed
+from automos.odometry.links import Consistency, Link, Links, consistency_of, that_match
 from automos.odometry.submap import Fit
 from automos.odometry.surfels import SURFEL
-from automos.odometry.window import ROUNDS, SAME_POSE, Window
+from automos.odometry.window import SAME_POSE, Window
 from automos.settings import OdometrySettings
 
 INFORMATION = 0.05
@@ -93,69 +90,6 @@ def _add_even_motion(equations: NormalEquations, window: Window, settings: Odome
     of_middle = -back[1:] * per_gap[1:] - np.eye(6) * per_gap[:-1]
     parts = [(first, back[:-1] * per_gap[:-1]), (first + 1, of_middle), (first + 2, np.eye(6) * per_gap[1:])]
     equations.add(parts, information, information * change)
-
-
-def at_likely_speed(
-    window: Window, settings: OdometrySettings, pool: ThreadPoolExecutor | None, n_known: int = 1
-) -> tuple[Window, SpeedSearch]:
-    """Return the window at the speed that surfaces along the path or landmarks favour, and the last search.
-
-    Surfaces around a wrong speed may lead nowhere, so it is searched from a standstill, too. Of so many speeds,
-    landmarks favour some by chance, so scans have to fit at that one at least half as well. The first `n_known` scans
-    keep their poses.
-    """
-    at_rest = window.T_world_sensor.copy()
-    at_rest[n_known:, :3, 3] = at_rest[n_known - 1, :3, 3]
-    found, search = _at_likely_speed(window, settings, pool, n_known, search_speed(window, settings, pool))
-    still = window.moved(at_rest)
-    first = search_speed(still, settings, pool)
-    if first.landmarks_at_rival.lead_over(search.landmarks) > 0.0:
-        other, there = _at_likely_speed(still, settings, pool, n_known, first)
-        is_ahead_from_rest = other is not still and there.landmarks.explains_more_than(search.landmarks)
-        if is_ahead_from_rest and _share(other, pool) >= 0.5 * _share(found, pool):
-            return other, there
-    return found, search  # at rest, rings lie on rings
-
-
-def _share(window: Window, pool: ThreadPoolExecutor | None) -> float:
-    """Return the share of surfels that lie on the surfaces of submaps, of all scans."""
-    links = Links(Alignment(), pool)
-    return share_close(links.fit(window, links.choose(window), links.about.kernels[-1]))
-
-
-def _at_likely_speed(
-    registered: Window, settings: OdometrySettings, pool: ThreadPoolExecutor | None, n_known: int, first: SpeedSearch
-) -> tuple[Window, SpeedSearch]:
-    """Return the window at the speed to which searches lead from its poses, the `first` given; and the last search."""
-    links = Links(Alignment(), pool)
-
-    def free(missing: Array) -> Array:
-        is_free = np.arange(len(missing)) >= n_known - 1
-        return np.where(is_free[:, None], missing, 0.0)
-
-    def longer(window: Window, missing: Array) -> Window:
-        moved = window.moved(lengthen(window.T_world_sensor, missing))
-        return align(moved, settings, links, n_known)[0]
-
-    def settled(window: Window, search: SpeedSearch) -> tuple[Window, SpeedSearch]:
-        """Return the window at the speed to which the `search` from its poses leads, and the last search."""
-        for _ in range(ROUNDS - 1):
-            if not (missing := free(search.missing)).any():
-                break
-            window = longer(window, missing)
-            search = search_speed(window, settings, pool)
-        return window, search
-
-    window, search = settled(registered, first)
-    # What landmarks alone propose, from the poses as registered and from those that all surfaces have led to.
-    for rival, start in ((first, registered), (search, window)):
-        is_possible = can_be_driven(window.T_world_sensor, window.clock)
-        if is_ahead(rival.landmarks_at_rival, search.landmarks, is_possible):
-            other = longer(start, free(rival.rival))
-            other, found = settled(other, search_speed(other, settings, pool))
-            if is_ahead(found.landmarks, search.landmarks, is_possible):
-                window, search = other, found
-    return window, search
 
 
 def first_steps(T: Pose, fastest: float) -> Pose:

@@ -6,9 +6,11 @@ from typing import NamedTuple
 import numpy as np
 
 from automos.odometry.beam_offset import find_elevation, longest_path
+from automos.odometry.facing import ScoredPlaces
+from automos.odometry.likely_speed import at_likely_speed
 from automos.odometry.links import Consistency, Links
 from automos.odometry.missing_scans import count_missing, with_gaps
-from automos.odometry.refine import at_likely_speed, refine_poses
+from automos.odometry.refine import refine_poses
 from automos.odometry.speed import SpeedSearch
 from automos.odometry.submap import NOISE
 from automos.odometry.window import Window
@@ -50,11 +52,12 @@ def elevation_in(window: Window, pool: ThreadPoolExecutor | None) -> float:
     return find_elevation(window.part(part.start, part.stop), pool) if len(window) > 2 else 0.0
 
 
-def at_another_speed(window: Window, settings: OdometrySettings) -> Window | None:
+def at_another_speed(window: Window, settings: OdometrySettings, scored: ScoredPlaces) -> Window | None:
     """Return the scans at another speed, None if there is none that is clearly better; the first keeps its pose.
 
-    Speeds that differ by less than the noise of a surface from scan to scan are the same.
+    Speeds that differ by less than the noise of a surface from scan to scan are the same. For `scored`, see
+    `score_speeds`.
     """
-    found, _ = at_likely_speed(window, settings, None)
+    found, _ = at_likely_speed(window, settings, None, scored=scored)
     change = np.linalg.norm((found.steps - window.steps)[:, :3, 3], axis=1) / window.gaps
     return found if change.max(initial=0.0) >= NOISE else None

@@ -11,78 +11,33 @@ re-observed: what is higher than any vehicle, or farther beside the path than th
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.core.geometry import Array
-from automos.core.scan import Mask, Pose
+from automos.core.scan import Pose
 from automos.odometry.facing import (
     LAGS,
     LANDMARKS,
     SAME_SPEED,
     STEP,
     UNLIKELY,
+    ScoredPlaces,
     SpeedScores,
     expected_share,
     is_stationary,
     score_speeds,
 )
+from automos.odometry.landmarks import Landmarks
 from automos.odometry.motion import MIN_STEP
 from automos.odometry.window import Window
 from automos.settings import OdometrySettings
 
 MIN_STRAIGHTNESS = 0.8
 """Least agreement of steps on a direction in the sensor's frame, 0 to 1."""
-CLEARLY_MORE = 1.2
-"""Standard deviations of the evidence by which a speed must lead another."""
 AHEAD = 0.1
 """Share of the landmarks re-observed at the rival speed by which it must lead to put the current speed in doubt."""
-
-
-class Landmarks(NamedTuple):
-    """Re-observed landmarks at M places: surfaces and isolated points that cannot be traffic, far aside or overhead."""
-
-    speeds: Array  # (M,) m/s
-    refound: Array  # (M,) evidence re-observed at these speeds
-    expected: Array  # (M,) the least evidence expected at these speeds
-
-    @classmethod
-    def nothing(cls) -> Self:
-        """Return the landmarks without any places."""
-        return cls(*np.zeros((3, 0)))
-
-    @classmethod
-    def concatenate(cls, parts: list[Self]) -> Self:
-        """Return the landmarks of several windows, at least one."""
-        return cls(*map(np.concatenate, zip(*parts, strict=True)))
-
-    def explains_more_than(self, other: Self) -> bool:
-        """Whether these speeds have clearly more evidence than the others."""
-        return self.lead_over(other) > CLEARLY_MORE
-
-    @property
-    def are_missed(self) -> bool:
-        """Whether clearly less is re-observed than expected: a stationary sensor re-observes roadside landmarks."""
-        missed = self.expected.sum() - self.refound.sum()
-        return bool(missed > CLEARLY_MORE * np.sqrt(self.expected.sum()))
-
-    def lead_over(self, other: Self) -> float:
-        """Return the lead in evidence where speeds differ, in standard deviations of the counts (Anscombe)."""
-        differ = np.abs(self.speeds - other.speeds) > SAME_SPEED
-        here, there = np.sqrt(np.array([self._evidence(differ), other._evidence(differ)]) + 3.0 / 8.0)
-        return float(np.sqrt(2.0) * (here - there))
-
-    def _evidence(self, places: Mask) -> float:
-        """Return the re-observed evidence at `places`, minus the part of the expected evidence that is missing."""
-        refound, expected = self.refound[places].sum(), self.expected[places].sum()
-        return float(max(refound - max(expected - refound, 0.0), 0.0))
-
-
-def is_ahead(rival: Landmarks, present: Landmarks, is_possible: bool) -> bool:
-    """Whether landmarks favour the rival: clearly, or at all if no vehicle can follow the present poses."""
-    return rival.explains_more_than(present) or (not is_possible and rival.lead_over(present) > 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,32 +51,58 @@ class SpeedSearch:
     rival: Array  # (N - 1, 3) the same from landmarks alone
     landmarks: Landmarks  # re-observed with the present poses
     landmarks_at_rival: Landmarks  # re-observed with the rival's steps
+    landmarks_else: Landmarks  # re-observed at the speeds that are best apart from the rival's
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether landmarks favour the present speed, and clearly."""
+        is_best = self.landmarks_at_rival.lead_over(self.landmarks) <= 0.0
+        return is_best and self.landmarks.explains_more_than(self.landmarks_else)
 
 
-def search_speed(window: Window, settings: OdometrySettings, pool: ThreadPoolExecutor | None = None) -> SpeedSearch:
-    """Return by how much steps are too short, and which landmarks are re-observed."""
+def search_speed(
+    window: Window,
+    settings: OdometrySettings,
+    pool: ThreadPoolExecutor | None = None,
+    scored: ScoredPlaces | None = None,
+) -> SpeedSearch:
+    """Return by how much steps are too short, and which landmarks are re-observed; for `scored`, see `score_speeds`."""
     steps = window.steps
     nothing = np.zeros((len(steps), 3))
     if len(steps) == 0:
-        return SpeedSearch(nothing, nothing, Landmarks.nothing(), Landmarks.nothing())
+        return SpeedSearch(nothing, nothing, *[Landmarks.nothing()] * 3)
     known = direction_of(steps)
     best, best_gain, found = nothing, 0.0, []
     # A mistaken standstill has no direction: try both horizontal axes of the sensor, usually those of the vehicle.
     for forward in np.eye(3)[:2] if known is None else [known]:
-        scores = score_speeds(forward, window, settings, pool)
+        scores = score_speeds(forward, window, settings, pool, settings.max_reverse, scored)
         growth, gain = _follow_speed(scores, window, settings, known is None)
         if gain > best_gain:
             best, best_gain = growth[:, None] * forward, gain
-        found.append(_follow_landmarks(scores, window, settings, forward))
+        by_landmarks = scores.with_priors(scores.by_landmarks)
+        found.append(_follow_landmarks(by_landmarks, scores, window, settings, forward))
     rival = max(found, key=lambda search: search.landmarks_at_rival.lead_over(search.landmarks))
     return replace(rival, missing=best)
 
 
-def to_likely_speed(window: Window, settings: OdometrySettings, pool: ThreadPoolExecutor | None = None) -> Window:
-    """Return the scans at the speed that landmarks clearly favour, or else at that of all surfaces; not refined."""
-    found = search_speed(window, settings, pool)
-    is_rival = is_ahead(found.landmarks_at_rival, found.landmarks, True)
-    return window.moved(lengthen(window.T_world_sensor, found.rival if is_rival else found.missing))
+def search_from_rest(
+    still: Window,
+    direction: Array | None,
+    settings: OdometrySettings,
+    pool: ThreadPoolExecutor | None,
+    scored: ScoredPlaces | None,
+) -> list[SpeedSearch]:
+    """Return the rivals of standstill along the sensor's axis nearest to `direction` (3,); without one, along both.
+
+    Around a wrong speed nothing is expected of the true one: that it is at least as great, or its side.
+    """
+    if len(still) < 2:
+        return []
+    axes, found = np.eye(3)[:2], []
+    for forward in axes if direction is None else axes[[np.argmax(np.abs(axes @ direction))]]:
+        scores = score_speeds(forward, still, settings, pool, settings.max_speed, scored)
+        found.append(_follow_landmarks(scores.by_landmarks, scores, still, settings, forward))
+    return sorted(found, key=lambda search: -search.landmarks_at_rival.lead_over(search.landmarks))
 
 
 def speed_figures(searches: list[SpeedSearch]) -> dict[str, float | bool]:
@@ -181,13 +162,17 @@ def _follow_speed(
     return _growth(scores.times, change, window), float(gain[is_better].sum())
 
 
-def _follow_landmarks(scores: SpeedScores, window: Window, settings: OdometrySettings, forward: Array) -> SpeedSearch:
-    """Return the speed along `forward` (3,) according to landmarks alone."""
-    penalised = scores.with_priors(scores.by_landmarks)
-    path = _best_path(penalised, scores.speeds, scores.times, settings.usual_acceleration)
-    here, there = _landmarks_along(scores, scores.nearest), _landmarks_along(scores, path)
+def _follow_landmarks(
+    by_landmarks: Array, scores: SpeedScores, window: Window, settings: OdometrySettings, forward: Array
+) -> SpeedSearch:
+    """Return the speed along `forward` (3,) according to the scores (M, S) of landmarks alone."""
+    speeds, nothing = scores.speeds, np.zeros((len(window) - 1, 3))
+    path = _best_path(by_landmarks, speeds, scores.times, settings.usual_acceleration)
+    is_near = np.abs(speeds - speeds[path, None]) <= 2.0 * SAME_SPEED
+    another = _best_path(by_landmarks - is_near, speeds, scores.times, settings.usual_acceleration)
+    here, there, elsewhere = (_landmarks_along(scores, at) for at in (scores.nearest, path, another))
     growth = _growth(scores.times, there.speeds - scores.present, window)
-    return SpeedSearch(np.zeros((len(growth), 3)), growth[:, None] * forward, here, there)
+    return SpeedSearch(nothing, growth[:, None] * forward, here, there, elsewhere)
 
 
 def _landmarks_along(scores: SpeedScores, path: npt.NDArray[np.int64]) -> Landmarks:
