@@ -63,8 +63,32 @@ def test_a_car_that_stands_has_no_velocity_though_its_front_comes_into_sight_and
     found = made_whole(own, np.tile([-20.0, 0.0, 1.5], (50, 1)))
     assert np.abs(found.velocity[25:]).max() < 0.2
     np.testing.assert_allclose(found.velocity[5:15, 0], 5.0, atol=0.3)
-    np.testing.assert_allclose(found.size, np.tile([4.0, 1.8, 1.5], (50, 1)))
-    np.testing.assert_allclose(found.center[30:, 0], 12.0, atol=0.1)
+    np.testing.assert_allclose(found.size, np.tile([4.5, 1.8, 1.6], (50, 1)))  # its front end is never seen
+    np.testing.assert_allclose(found.center[30:, 0], 12.25, atol=0.1)
+
+
+@pytest.mark.parametrize(
+    ("origin", "hides", "length", "width"),
+    [
+        ((8.0, -15.0), None, 4.1, 1.85),  # from aside
+        ((-20.0, -2.0), None, 4.5, 1.8),  # from behind, a little aside
+        ((-20.0, -20.0), None, 4.1, 1.8),  # from half aside, half behind
+        ((8.0, -15.0), 0, 4.5, 1.85),  # from aside, with something before its rear
+        ((8.0, -15.0), 1, 4.5, 1.85),
+    ],
+)
+def test_a_car_is_as_long_as_it_showed_if_both_ends_were_seen(origin, hides, length, width):
+    n = 20
+    own = Boxes(
+        np.column_stack([np.arange(n) * 0.8, np.zeros(n), np.ones(n)]), np.tile([4.1, 1.8, 1.6], (n, 1)), *np.eye(2, n)
+    )
+    own.yaw[:] = 0.0
+    hidden = nothing_hidden(n)
+    if hides is not None:
+        hidden[:, hides] = True
+    beside = np.column_stack([own.center[:, 0] + origin[0] - 8.0, np.full(n, origin[1]), np.full(n, 1.8)])
+    found = made_whole(own, beside, hidden)
+    np.testing.assert_allclose(found.size[:, :2], np.tile([length, width], (n, 1)))
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
@@ -97,6 +121,18 @@ def test_a_car_that_stops_is_not_turned_by_a_centre_that_slips_aside_by_a_metre(
     north = np.zeros(40)
     north[22:32] = np.hanning(10)
     np.testing.assert_allclose(heading(np.column_stack([east, north]), np.full(40, 4.4), 0.0), 0.0, atol=1.0)
+
+
+def test_a_car_that_stands_lies_along_the_sides_that_it_shows_whatever_its_last_way():
+    # What shows of it as it comes nearer and stops takes its centre aside.
+    east = np.concatenate([np.arange(20) * 0.5, np.full(60, 9.75)])
+    north = np.interp(np.arange(80), [14, 20], [0.0, 1.2])
+    rng = np.random.default_rng(0)
+    path = np.column_stack([east, north, np.zeros(80)])
+    yaw = rng.normal(0.0, np.radians(3.0), 80) + 0.5 * np.pi * (np.arange(80) % 3 == 0)  # of its rear, every third
+    found = np.degrees(headings(np.array([0, 80]), 0.1 * np.arange(80), path, yaw, np.full(80, 4.4)))
+    np.testing.assert_allclose(found[50:], 0.0, atol=2.0)
+    assert np.ptp(found[50:]) < 0.1
 
 
 def test_a_person_turns_on_the_spot():

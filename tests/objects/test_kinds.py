@@ -23,9 +23,8 @@ def test_extent_height_and_speed_say_what_it_is(shown, speed, kind):
     assert odds[0].argmax() == kind
 
 
-def test_what_was_never_shown_is_that_of_its_kind_and_what_was_shown_is_kept():
-    behind, side = whole_extent(np.array([[0.5, 1.8, 1.4], [4.2, 0.4, 1.5]]), np.array([12.0, 12.0]))
-    assert behind[0] == pytest.approx(4.5)
-    assert behind[1] == 1.8
-    assert side[0] == 4.2
-    assert side[1] == pytest.approx(1.85)
+def test_what_was_not_shown_whole_is_at_least_that_of_its_kind():
+    is_whole = np.array([[False, True, False], [True, False, False], [False, False, False]])
+    shown = np.array([[0.5, 1.8, 1.4], [4.2, 0.4, 1.5], [5.2, 1.9, 1.7]])
+    found = whole_extent(shown, is_whole, np.full(3, 12.0))
+    np.testing.assert_allclose(found, [[4.5, 1.8, 1.6], [4.2, 1.85, 1.6], [5.2, 1.9, 1.7]])

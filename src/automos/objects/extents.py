@@ -29,7 +29,6 @@ SIDE = 0.2  # metres, standard deviation of the end of a side about the other
 SHOWN = 0.9  # quantile of the intervals of all scans that is the extent: single scans are joined with others' points
 ROUNDS = 2  # the heading needs centres, the centres a heading
 ASKEW = 0.5  # sine of the angle to the line of sight, from which on a body's end is at its left or right side
-STRAY = 0.02  # share of a body's points in a scan, on either side, that are on mirrors and the like
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +87,9 @@ def _whole_boxes(
     # What is added to what a body showed lies behind it: its place there changes with the place of the sensor.
     speed = np.hypot(*body.velocity[:, :2].T)
     fastest = _usual(first, speed)
-    whole = replace(body, size=np.repeat(whole_extent(body.size[first[:-1]], fastest), np.diff(first), axis=0))
+    is_whole = shown_whole(first, body.size, seen)
+    size = whole_extent(body.size[first[:-1]], is_whole, fastest)
+    whole = replace(body, size=np.repeat(size, np.diff(first), axis=0))
     behind = centers(whole, seen) - measured
     body = _along(body, first, times, measured, yaw, length)
     return replace(body, size=whole.size, center=body.center + smooth_paths(first, times, behind)[0])
@@ -104,9 +105,9 @@ def _along(body: Tracks, first: Rows, times: Array, measured: Array, yaw: Array,
 def headings(first: Rows, times: Array, path: Array, yaw: Array, length: Array) -> Array:
     """Return (R,) radians: directions of motion, kept while a body stands, and corrected by the sides that it shows.
 
-    A long side says the direction better than the motion does, but not which of four it is. A body that has gone less
-    than half of its own length, or no more than its centre is off, has the direction of its long side that is nearest
-    to its way.
+    A long side says the direction better than the motion does, but not which of four it is; while a long body stands,
+    all say so together. A body that has gone less than half of its own length, or no more than its centre is off, has
+    the direction of its long side that is nearest to its way.
 
     path : (R, 3) metres, smooth.   yaw, length : (R,) radians and metres, of boxes about single segments; length 0
     where there is none.
@@ -114,18 +115,27 @@ def headings(first: Rows, times: Array, path: Array, yaw: Array, length: Array) 
     body = np.repeat(np.arange(len(first) - 1), np.diff(first))
     half = 0.5 * np.nan_to_num(_usual(first, np.where(length > 0.0, length, np.nan)))[body]
     ways = ways_around(first, times, path, half) @ (1.0, 1.0j)
-    out, is_told = np.angle(ways), np.abs(ways) > np.maximum(half, SURE * NOISE)
+    out, least = np.angle(ways), SURE * NOISE
+    is_told = (np.abs(ways) > np.maximum(half, least)) & (
+        np.hypot(*ways_around(first, times, path, 0.0 * half).T) > least
+    )
+    same = np.arange(len(ways))  # row whose direction is kept
     for begin, end in pairwise(first):
         told = begin + np.flatnonzero(is_told[begin:end])
         if len(told):
-            out[begin:end] = out[told[np.searchsorted(0.5 * (times[told][1:] + times[told][:-1]), times[begin:end])]]
+            same[begin:end] = told[np.searchsorted(0.5 * (times[told][1:] + times[told][:-1]), times[begin:end])]
+            out[begin:end] = out[same[begin:end]]
         else:
             side = 0.5 * np.angle(length[begin:end] @ np.exp(2j * yaw[begin:end]))
             way = np.angle((path[end - 1, :2] - path[begin, :2]) @ (1.0, 1.0j))
-            out[begin:end] = side + np.pi * np.round((way - side) / np.pi)
-    of_motion, of_side = NOISE / np.maximum(np.abs(ways), SURE * NOISE), SIDE / np.maximum(length, 1e-6)
-    off = 0.25 * np.angle(np.exp(4j * (yaw - out)))
-    agree = np.abs(off) < SURE * np.hypot(of_motion, of_side)
+            out[begin:end], same[begin:end] = side + np.pi * np.round((way - side) / np.pi), begin
+    _, stay = np.unique(np.where(is_told, -1 - np.arange(len(ways)), same), return_inverse=True)
+    long, n = np.bincount(stay, length)[stay], np.bincount(stay, length > 0.0)[stay]
+    sides = length * np.exp(4j * (yaw - out))
+    off = 0.25 * np.angle(np.bincount(stay, sides.real) + 1j * np.bincount(stay, sides.imag))[stay]
+    of_motion = NOISE / np.maximum(np.abs(ways[same]), least)
+    of_side = SIDE * np.sqrt(n) / np.maximum(long, 1e-6)
+    agree = (~is_told & (half > least)) | (np.abs(off) < SURE * np.hypot(of_motion, of_side))
     return out + np.where(agree, off * of_motion**2 / (of_motion**2 + of_side**2), 0.0)
 
 
@@ -148,7 +158,6 @@ def shown_intervals(tracks: Tracks, scans: Scans, parts: Tracks, workers: int) -
                 points = np.vstack([frame.points_level[own], frame.origin_level])
                 local = _turned(points - tracks.center[row], -tracks.yaw[row])
                 out[0, row], out[1, row], out[2, row] = local[:-1].min(axis=0), local[:-1].max(axis=0), local[-1]
-                out[:2, row, 1] = np.quantile(local[:-1, 1], (STRAY, 1.0 - STRAY))
                 turn = local[:-1, :2] @ _to_the_left(local[:-1, :2].mean(axis=0) - local[-1, :2])
                 for side, at in enumerate((turn.argmax(), turn.argmin())):
                     hidden[row, side] = about["hidden"][segment[own[at]], side]
@@ -194,18 +203,37 @@ def centers(tracks: Tracks, seen: Intervals) -> Array:
 
     What is seen of a body behind something nearer ends where that does; its other end is its own.
     """
-    low, high, origin, hidden = seen
+    low, high, origin, _ = seen
     half, middle = 0.5 * tracks.size, 0.5 * (low + high)
     from_high, from_low = origin > high, origin < low
     from_high[:, 2], from_low[:, 2] = True, False  # the ground hides what is low
-    left = _to_the_left(middle[:, :2] - origin[:, :2])
-    is_low_hidden = hidden[:, :1] & (left < -ASKEW) | hidden[:, 1:] & (left > ASKEW)
-    is_high_hidden = hidden[:, :1] & (left > ASKEW) | hidden[:, 1:] & (left < -ASKEW)
+    _, is_low_hidden, is_high_hidden = _sides(seen)
     from_high[:, :2] = (from_high[:, :2] | is_low_hidden) & ~is_high_hidden
     from_low[:, :2] = (from_low[:, :2] | is_high_hidden) & ~is_low_hidden
     is_short = high - low < tracks.size
     center = np.where(is_short & from_high, high - half, np.where(is_short & from_low, low + half, middle))
     return tracks.center + _turned(center, tracks.yaw)
+
+
+def shown_whole(first: Rows, size: Array, seen: Intervals) -> Mask:
+    """Return (T, 3) whether bodies showed both ends where they showed most: from aside, and nothing nearer hid one.
+
+    Of a car seen from behind, the front is out of sight; how high it stands above the ground is never seen.
+    """
+    is_aside, is_low_hidden, is_high_hidden = _sides(seen)
+    is_seen = np.column_stack([is_aside & ~is_low_hidden & ~is_high_hidden, np.zeros(len(size), np.bool_)])
+    is_greatest = seen.high - seen.low >= size - 1e-6
+    n = np.add.reduceat(is_greatest, first[:-1], axis=0, dtype=np.int64)
+    return 2 * np.add.reduceat(is_greatest & is_seen, first[:-1], axis=0, dtype=np.int64) > n
+
+
+def _sides(seen: Intervals) -> tuple[Mask, Mask, Mask]:
+    """Return (R, 2) whether bodies are seen from beside each axis, and whether its low and its high end are hidden."""
+    low, high, origin, hidden = seen
+    left = _to_the_left(0.5 * (low + high)[:, :2] - origin[:, :2])
+    is_low_hidden = hidden[:, :1] & (left < -ASKEW) | hidden[:, 1:] & (left > ASKEW)
+    is_high_hidden = hidden[:, :1] & (left > ASKEW) | hidden[:, 1:] & (left < -ASKEW)
+    return np.abs(left) > ASKEW, is_low_hidden, is_high_hidden
 
 
 def _to_the_left(away: Array) -> Array:

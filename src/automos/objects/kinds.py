@@ -11,6 +11,7 @@ from enum import IntEnum
 import numpy as np
 
 from automos.core.geometry import Array
+from automos.core.scan import Mask
 
 
 class Kind(IntEnum):
@@ -49,9 +50,8 @@ def kind_probabilities(shown: Array, speed: Array) -> Array:
     return odds / odds.sum(axis=1, keepdims=True)
 
 
-def whole_extent(shown: Array, speed: Array) -> Array:
-    """Return (B, 3) the extents of bodies: what they showed, or their likeliest kind's where they showed too little."""
+def whole_extent(shown: Array, is_whole: Mask, speed: Array) -> Array:
+    """Return (B, 3) the extents of bodies: what they showed where `is_whole`, else at least their likeliest kind's."""
     kind = kind_probabilities(shown, speed).argmax(axis=1)
-    usual = np.vstack([EXTENT, np.zeros(3)])[kind]
-    least = np.vstack([EXTENT - 2.0 * SPREAD, np.zeros(3)])[kind]
-    return np.where(shown >= least, shown, usual)
+    usual, least = (np.vstack([extent, np.zeros(3)])[kind] for extent in (EXTENT, EXTENT - 2.0 * SPREAD))
+    return np.where(is_whole & (shown >= least), shown, np.maximum(shown, usual))
