@@ -105,7 +105,7 @@ SPEED, GAPS = "automos.odometry.likely_speed", "automos.odometry.missing_scans"
 ODOMETRY: dict[str, dict[str, Any]] = {
     "starts at other speeds": {"automos.odometry.path:first_steps": lambda T, fastest: T[None]},
     "a search for the speed": {f"{SPEED}:ROUNDS": 1, f"{SPEED}:lengthen": lambda T, longer: T},
-    "a search from a standstill": {f"{SPEED}:search_from_rest": _no_rivals},
+    "a search from a standstill": {f"{SPEED}:rivals_from_rest": _no_rivals},
     "the rival that landmarks propose": {f"{SPEED}:is_ahead": lambda *evidence: False},
     "isolated points": {
         "automos.odometry.facing:count_met_again": lambda *met: 0.0,

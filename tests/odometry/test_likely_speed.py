@@ -54,8 +54,16 @@ def test_whichever_way_poses_went_the_speed_is_found_from_a_standstill(driven, n
 def test_who_is_right_is_not_moved_and_no_standstill_is_tried(monkeypatch):
     pose = curve(SPEED, 0.0)
     world = record((*CANYON, *SIGNS), np.array([pose(0.1 * i) for i in range(N)]), n_beams=32)
-    monkeypatch.setattr("automos.odometry.likely_speed.search_from_rest", lambda *still: pytest.fail("it is clear"))
+    monkeypatch.setattr("automos.odometry.likely_speed.rivals_from_rest", lambda *still: pytest.fail("it is clear"))
     window = window_of(world, true_poses(pose, N))
     found, search = at_likely_speed(window, SETTINGS, None)
     assert found is window
     assert search.is_clear
+
+
+def test_who_creeps_is_not_held_to_drive_as_a_passing_van():
+    pose = curve(1.0, 0.0)
+    world = record((*CANYON, *SIGNS), np.array([pose(0.1 * i) for i in range(N)]), n_beams=32)
+    wrong = true_poses(curve(-4.0, 0.0), N)
+    found, _ = at_likely_speed(window_of(world, wrong), SETTINGS, None)
+    assert worst_distance(found.T_world_sensor, true_poses(pose, N)) < 0.1

@@ -11,10 +11,10 @@ import numpy as np
 from automos.core.geometry import Array
 from automos.odometry.facing import ScoredPlaces
 from automos.odometry.landmarks import is_ahead
-from automos.odometry.links import Alignment, Links
+from automos.odometry.links import Alignment, Links, share_close
 from automos.odometry.motion import can_be_driven
 from automos.odometry.refine import align
-from automos.odometry.speed import SpeedSearch, direction_of, lengthen, search_from_rest, search_speed
+from automos.odometry.speed import SpeedSearch, direction_of, lengthen, rivals_from_rest, search_speed
 from automos.odometry.window import ROUNDS, Window
 from automos.settings import OdometrySettings
 
@@ -46,14 +46,20 @@ def at_likely_speed(
             if is_ahead(there.landmarks, search.landmarks, is_possible):
                 found, search = other, there
     still = trial.at_rest(window)
-    for rival in search_from_rest(still, direction_of(window.steps), settings, pool, scored):
-        if all(rival.landmarks_at_rival.explains_more_than(other) for other in (search.landmarks, rival.landmarks)):
+    for k, rival in enumerate(rivals_from_rest(still, direction_of(window.steps), settings, pool, scored)):
+        # No vehicle drives sideways: walls, which show that, and scans as a whole have to say so, too.
+        is_across, proposed = k > 0, rival.landmarks_at_rival
+        beaten = [search.landmarks, rival.landmarks] if is_across else [search.landmarks]
+        if all(proposed.explains_more_than(other) for other in beaten):
             start = trial.longer(still, rival.rival)
             other, there = trial.from_there(start)
-            if rival.landmarks_at_rival.lead_over(there.landmarks) > 0.0:  # few scans may be aligned elsewhere
+            if proposed.lead_over(there.landmarks) > 0.0:  # few scans may be aligned elsewhere
                 other, there = start, search_speed(start, settings, pool)
-            if there.landmarks.lead_over(search.landmarks) > 0.0:
+            is_possible = not is_across or trial.share(other) >= trial.share(found)
+            if is_possible and there.landmarks.lead_over(search.landmarks) > 0.0:
                 found, search = other, there
+        if search.is_clear:
+            break
     return found, search
 
 
@@ -78,6 +84,10 @@ class _Trial:
         T = window.T_world_sensor.copy()
         T[self.n_known :, :3, 3] = T[self.n_known - 1, :3, 3]
         return window.moved(T)
+
+    def share(self, window: Window) -> float:
+        """Return the share of surfels that lie on the surfaces of submaps, of all scans."""
+        return share_close(self.links.fit(window, self.links.choose(window), self.links.about.kernels[-1]))
 
     def longer(self, window: Window, missing: Array) -> Window:
         """Return the window with `missing` (N - 1, 3) added to its steps."""

@@ -9,6 +9,7 @@ If most observed surfaces are traffic, traffic wins. Its rival is the sequence o
 re-observed: what is higher than any vehicle, or farther beside the path than the lanes of the same direction.
 """
 
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -85,24 +86,22 @@ def search_speed(
     return replace(rival, missing=best)
 
 
-def search_from_rest(
+def rivals_from_rest(
     still: Window,
     direction: Array | None,
     settings: OdometrySettings,
     pool: ThreadPoolExecutor | None,
     scored: ScoredPlaces | None,
-) -> list[SpeedSearch]:
-    """Return the rivals of standstill along the sensor's axis nearest to `direction` (3,); without one, along both.
+) -> Iterator[SpeedSearch]:
+    """Yield the rivals of standstill along both horizontal axes, that nearest to `direction` (3,), if any, first.
 
     Around a wrong speed nothing is expected of the true one: that it is at least as great, or its side.
     """
-    if len(still) < 2:
-        return []
-    axes, found = np.eye(3)[:2], []
-    for forward in axes if direction is None else axes[[np.argmax(np.abs(axes @ direction))]]:
+    axes = np.eye(3)[:2]
+    near = np.zeros(2) if direction is None else np.abs(axes @ direction)
+    for forward in axes[np.argsort(-near, kind="stable")] if len(still) > 1 else []:
         scores = score_speeds(forward, still, settings, pool, settings.max_speed, scored)
-        found.append(_follow_landmarks(scores.by_landmarks, scores, still, settings, forward))
-    return sorted(found, key=lambda search: -search.landmarks_at_rival.lead_over(search.landmarks))
+        yield _follow_landmarks(scores.by_landmarks, scores, still, settings, forward)
 
 
 def speed_figures(searches: list[SpeedSearch]) -> dict[str, float | bool]:
