@@ -10,7 +10,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from automos.core.geometry import adjoint, inverse, se3_exp, se3_log, transform
-from automos.core.normal_equations import FIXED, NormalEquations
+from automos.core.normal_equations import NormalEquations
 from automos.core.scan import Pose
 from automos.odometry.links import Consistency, Link, Links, consistency_of, that_match
 from automos.odometry.submap import Fit
@@ -57,11 +57,10 @@ def solve_links(
 
     Equation: window
     """
-    equations = NormalEquations(np.where(np.arange(len(window)) < n_fixed, FIXED, LOOSE))
+    equations = NormalEquations(len(window), n_fixed, LOOSE)
     _add_links(equations, links, fits, window)
     _add_even_motion(equations, window, settings)
     steps = equations.solve()
-    steps[:n_fixed] = 0.0  # not the last digit
     return window.moved(window.T_world_sensor @ se3_exp(steps)), float(np.abs(steps[:, :3]).max())
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.geometry import adjoint, inverse, se3_exp, se3_log
-from automos.core.normal_equations import FIXED, NormalEquations
+from automos.core.normal_equations import NormalEquations
 from automos.core.scan import Pose
 
 Array = npt.NDArray[np.float64]
@@ -71,7 +71,7 @@ def solve_pose_graph(T_world_node: Pose, chain: Edges, links: Edges) -> tuple[Po
     sharpness = max(2.0 * float(squared.max()) / OUTLIER, 1.0)
     while True:
         for _ in range(3):
-            equations = NormalEquations(FIXED * (np.arange(len(T)) == 0))
+            equations = NormalEquations(len(T), n_fixed=1)
             chain.add_to(equations, T)
             links.add_to(equations, T, (sharpness * OUTLIER / (squared + sharpness * OUTLIER)) ** 2)
             step = equations.solve()
