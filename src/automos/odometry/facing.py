@@ -155,7 +155,8 @@ def score_speeds(
     T, surfels, period = window.T_world_sensor, window.surfels, window.period
     lags = sorted({min(max(round(lag / period), 1), len(window) - 1) for lag in LAGS})
     every, n_places = max(max(lags) // 2, 1), len(window) - max(lags)
-    starts = np.arange(-window.first % every if window.first + every <= n_places else 0, n_places, every)
+    # At the same scans as in earlier windows.
+    starts = np.arange(0 if scored is None or n_places < every else -window.first % every, n_places, every)
     clock = window.clock
     speeds = np.arange(-max_reverse, settings.max_speed, STEP)
     alone = cache(lambda i: isolated_points(surfels[i], forward, settings.overhead, BESIDE))
