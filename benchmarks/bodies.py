@@ -11,7 +11,8 @@ from recordings import opened
 from rows import Lines, Row, part_of, percent, sensor_of
 
 from automos import load_settings
-from automos.core.labels import Label, to_mos
+from automos.core.label_files import to_mos
+from automos.core.labels import Label
 from automos.core.scan import Sequence
 from automos.evaluation.objects import SIZES, scores_of_objects
 from automos.evaluation.report import evaluate_recordings

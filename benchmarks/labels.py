@@ -19,7 +19,8 @@ from automos import Workspace, label, load_settings
 from automos.baselines.comparison.compare import compare
 from automos.baselines.comparison.cost import Effort
 from automos.baselines.comparison.runs import MethodRuns
-from automos.core.labels import OUTLIER, Label, to_mos
+from automos.core.label_files import OUTLIER, to_mos
+from automos.core.labels import Label
 from automos.core.scan import Sequence
 from automos.evaluation.moving import Counts, count
 from automos.evaluation.trajectory import path_length

@@ -21,7 +21,8 @@ from matplotlib.figure import Figure
 
 from automos import simulation
 from automos.baselines import erasor
-from automos.core.labels import Label, to_mos
+from automos.core.label_files import to_mos
+from automos.core.labels import Label
 from automos.core.scan import OBJECT
 from automos.labeling import label_recording
 from automos.objects.verdict import Verdict

@@ -21,10 +21,9 @@ from numba.core.caching import NullCache
 from automos.core.array_sequence import ArraySequence
 from automos.core.geometry import make_transform
 from automos.core.made_up_sweep import BOX, HEIGHT, SPEED, box_center, made_up_sweep
-from automos.core.parallel import available_cores, end_with
+from automos.core.parallel import SAFE_PATH, available_cores, end_with
 from automos.core.scan import GROUND, OBJECT
 from automos.core.stages import Arrays
-from automos.core.working_folder import SAFE_PATH
 from automos.evidence.stage import candidates_of
 from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.trajectory import Trajectory

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.arguments import given_path
 from automos.core.atomic import atomic_path, held, remove_parts
 from automos.core.claims import MARK, RESULTS, claim, remove
 from automos.core.errors import InputError
 from automos.core.labels import Label
 from automos.core.own_sequence import as_sequence
+from automos.core.reading import given_path
 from automos.core.scan import Sequence
 from automos.core.workspace import RUN_FILE, Workspace
 from automos.odometry.trajectory import Trajectory

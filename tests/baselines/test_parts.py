@@ -14,7 +14,7 @@ from automos.baselines.range_image import image_shape, nearest_ranges, pixel_of,
 from automos.baselines.regions import grow_regions
 from automos.core.errors import MissingExtraError
 from automos.core.scan import Frame
-from automos.core.voxels import VoxelMap
+from automos.core.voxel_map import VoxelMap
 from automos.settings import load_settings
 
 

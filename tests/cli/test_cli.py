@@ -19,7 +19,8 @@ from automos import __version__, cli, labeling
 from automos.cli import main
 from automos.cli.options import output
 from automos.core.claims import MARK
-from automos.core.labels import Label, to_mos
+from automos.core.label_files import to_mos
+from automos.core.labels import Label
 from automos.core.pose_writers import write_kitti, write_tum
 from automos.settings import load_settings
 

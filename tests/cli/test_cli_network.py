@@ -11,7 +11,7 @@ from worlds import lane, write_bins
 
 from automos.cli import main
 from automos.core.claims import EXPERIMENT, claim
-from automos.core.labels import pack
+from automos.core.label_files import pack
 from automos.core.pose_writers import write_kitti
 
 HAS_SHIPPED = (Path(__file__).parents[2] / "src" / "automos" / "network" / "lmnet.onnx").exists()

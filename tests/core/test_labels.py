@@ -3,7 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from automos.core.labels import Label, pack, to_mos
+from automos.core.label_files import pack, to_mos
+from automos.core.labels import Label
 
 
 @pytest.mark.parametrize(

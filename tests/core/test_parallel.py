@@ -28,7 +28,7 @@ def refuse_seven(x: int) -> int:
 
 HEAPS_OF_THREADS = """
 import ctypes, threading
-from automos.core.parallel import share_heap
+from automos.cli.memory import share_heap
 {}
 libc = ctypes.CDLL(None)
 libc.malloc.restype = ctypes.c_void_p

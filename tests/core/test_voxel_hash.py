@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from automos.core.voxels import VoxelMap
+from automos.core.voxel_map import VoxelMap
 
 
 def test_voxels_are_numbered_as_they_appear_and_hold_the_mean_of_their_points():

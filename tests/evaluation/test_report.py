@@ -6,7 +6,8 @@ import pytest
 from rich.console import Console
 
 from automos.core.errors import InputError
-from automos.core.labels import Label, to_mos
+from automos.core.label_files import to_mos
+from automos.core.labels import Label
 from automos.evaluation.boxes import objects_table
 from automos.evaluation.moving import RANGES, Counts
 from automos.evaluation.report import Report, Result, evaluate_folder, evaluate_recordings

@@ -8,7 +8,7 @@ import sys
 import pytest
 from worlds import street, write_bins
 
-from automos.core.labels import pack
+from automos.core.label_files import pack
 from automos.core.pose_writers import write_kitti
 
 pytestmark = pytest.mark.slow

@@ -15,7 +15,7 @@ sys.path[:0] = [str(TESTS), str(TESTS / "readers")]
 import point_writers as writers
 from street_log import StreetLog, street_log
 
-from automos.core.labels import pack
+from automos.core.label_files import pack
 from automos.core.pose_writers import write_kitti
 
 N_SCANS = 4

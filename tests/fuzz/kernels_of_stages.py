@@ -12,7 +12,7 @@ from automos.core.geometry import transform
 from automos.core.range_image import find_neighbours, make_image, project
 from automos.core.scan import GROUND, OBJECT, Scan
 from automos.core.upright_boxes import iou_3d, points_in_boxes
-from automos.core.voxels import VoxelMap, rows_of_first_in_voxel
+from automos.core.voxel_map import VoxelMap, rows_of_first_in_voxel
 from automos.evidence import ego_body, on_body, steady_ground, votes
 from automos.evidence.clouds import in_clouds
 from automos.evidence.ground import find_ground

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from worlds import World, write_bins
 
-from automos.core.labels import pack
+from automos.core.label_files import pack
 from automos.core.pose_writers import write_kitti
 from automos.network.deployed import Deployed
 from automos.network.images import BASE_CHANNELS

@@ -5,7 +5,8 @@ from worlds import street, write_bins
 
 from automos.core.atomic import write_text
 from automos.core.errors import InputError
-from automos.core.labels import Label, pack
+from automos.core.label_files import pack
+from automos.core.labels import Label
 from automos.core.workspace import Workspace
 from automos.network.recordings import LabelledRecording, ScanLabels, Shelf, Source, open_labelled
 from automos.network.samples import TrainingSamples, ValidationSamples, draw_sector, measure_classes, measure_scale

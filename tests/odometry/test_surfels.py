@@ -1,6 +1,6 @@
 import numpy as np
 
-from automos.core.voxels import rows_of_first_in_voxel
+from automos.core.voxel_map import rows_of_first_in_voxel
 from automos.odometry.surfels import make_surfels
 
 RNG = np.random.default_rng(0)

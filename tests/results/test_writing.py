@@ -13,7 +13,8 @@ from automos.core.array_sequence import ArraySequence
 from automos.core.atomic import write_raw
 from automos.core.errors import InputError
 from automos.core.geometry import make_transform
-from automos.core.labels import Label, to_mos
+from automos.core.label_files import to_mos
+from automos.core.labels import Label
 from automos.core.pose_files import read_poses
 from automos.core.workspace import COMPLETE, RUN_FILE, Workspace
 from automos.objects.tracks import Tracks

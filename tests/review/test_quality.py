@@ -10,7 +10,8 @@ import pytest
 from scipy.stats import binom
 
 from automos.core.errors import InputError
-from automos.core.labels import Label, to_mos
+from automos.core.label_files import to_mos
+from automos.core.labels import Label
 from automos.core.workspace import Workspace
 from automos.readers import open_sequence
 from automos.results.open_run import open_run

@@ -7,7 +7,8 @@ import pytest
 
 from automos.core.errors import InputError
 from automos.core.geometry import inverse, transform
-from automos.core.labels import OUTLIER, Label, to_mos
+from automos.core.label_files import OUTLIER, to_mos
+from automos.core.labels import Label
 from automos.simulation import Conditions, record, simulate
 from automos.simulation.rigs import RIGS, Part, placed, ride_on, rigs
 from automos.simulation.scenarios import build_world

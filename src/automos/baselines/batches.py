@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from automos.baselines.brick_grid import BrickGrid
 from automos.core.scan import Frame, Frames, Mask, Pose
-from automos.core.voxels import VoxelMap
+from automos.core.voxel_map import VoxelMap
 
 
 class BatchSize(NamedTuple):

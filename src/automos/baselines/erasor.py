@@ -17,7 +17,7 @@ from automos.baselines.batches import BATCH, BatchSize, add_used, body_of, cut_b
 from automos.baselines.erasor_bins import compare_bins
 from automos.core.geometry import inverse, transform
 from automos.core.scan import Frame, Frames, Mask
-from automos.core.voxels import VoxelMap
+from automos.core.voxel_map import VoxelMap
 
 
 class Parameters(NamedTuple):

@@ -20,7 +20,7 @@ from automos.core.geometry import inverse
 from automos.core.kernels import kernel
 from automos.core.parallel import available_cores, map_in_order
 from automos.core.scan import Frames, Mask
-from automos.core.voxels import VoxelMap
+from automos.core.voxel_map import VoxelMap
 
 _BATCH = BatchSize(scans=150)
 """As the authors advise."""

@@ -16,15 +16,15 @@ from automos.cli.formats import formats_app
 from automos.cli.label import label_app
 from automos.cli.live import live_app
 from automos.cli.look import look_app
-from automos.cli.memory import require_memory
+from automos.cli.memory import require_memory, share_heap
 from automos.cli.network import network_app
 from automos.cli.options import console, on_this_machine, output, set_up_logging
 from automos.cli.score import score_app
 from automos.cli.worlds import worlds_app
 from automos.core.atomic import is_full
 from automos.core.errors import AutomosError, plain
-from automos.core.parallel import share_heap
-from automos.core.working_folder import OURS, SAFE_PATH
+from automos.core.parallel import SAFE_PATH
+from automos.core.working_folder import OURS
 
 app = typer.Typer(
     add_completion=False,

@@ -9,7 +9,7 @@ from automos.core.array_sequence import ArraySequence
 from automos.core.atomic import write_text
 from automos.core.blas import one_blas_thread
 from automos.core.claims import DEMO, claim
-from automos.core.labels import to_mos
+from automos.core.label_files import to_mos
 from automos.core.run import Progress
 from automos.core.scan import Scan, Sequence
 from automos.evaluation.moving import Counts, Scores, count

@@ -11,17 +11,17 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from itertools import islice
 from numbers import Integral
 from threading import Event, Lock, Thread
 from typing import TypeVar
 
 from automos.core.errors import InputError
-from automos.core.working_folder import starting_processes
 
-_M_ARENA_MAX = -8
-"""What glibc's mallopt calls the number of heaps."""
+SAFE_PATH = {"PYTHONSAFEPATH": "1"}
+"""Environment under which a Python process does not look for modules in its working folder."""
+
 MOST_WORKERS = 4096
 """On one machine; more is a slip of the keyboard."""
 _LOOK = 0.5
@@ -35,16 +35,6 @@ def available_cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
-
-
-def share_heap() -> None:
-    """Let all threads of this process take memory from one heap, so that each can use what another has given back.
-
-    glibc gives threads heaps of their own, in which a stream's arrays leave a hundred megabytes of gaps. Elsewhere
-    nothing happens. It holds for the whole process, so only our own commands ask for it.
-    """
-    with suppress(OSError, AttributeError, TypeError):  # no glibc
-        ctypes.CDLL(None).mallopt(_M_ARENA_MAX, 1)
 
 
 def return_memory() -> None:
@@ -112,6 +102,21 @@ def map_in_shares(
         return list(map(function, items))
     parts = [items[k * len(items) // shares : (k + 1) * len(items) // shares] for k in range(shares)]
     return [found for part in pool.map(lambda part: list(map(function, part)), parts) for found in part]
+
+
+@contextmanager
+def starting_processes() -> Iterator[None]:
+    """Let no Python process that is started until the block ends look for modules in the working folder."""
+    before = {name: os.environ.get(name) for name in SAFE_PATH}
+    os.environ.update(SAFE_PATH)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
 
 
 def end_with(parent: int) -> None:

@@ -4,6 +4,7 @@ A pipe or a device would block without end. Whatever makes a parser fail (a malf
 nesting, a count beyond all memory) is reported as a fault of the file.
 """
 
+import errno
 import json
 import math
 import os
@@ -80,6 +81,19 @@ def require_regular(path: Path) -> None:
 def _kernels_own() -> frozenset[int]:
     """Return the devices of what looks like files and is none: some (/proc/kmsg) are waited for without end."""
     return frozenset(os.stat(place).st_dev for place in ("/proc", "/sys") if os.path.ismount(place))
+
+
+def given_path(value: str | os.PathLike[str], what: str) -> Path:
+    """Return `value` as a path; InputError if no file or folder can be named so, which `what` calls it."""
+    try:
+        path = Path(value)
+        path.lstat()
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{what} is not a path ({error}): give a text or a pathlib.Path, not {value!r:.80}") from None
+    except OSError as error:  # what is not there yet may be made
+        if error.errno in (errno.ENAMETOOLONG, errno.ELOOP):
+            raise InputError(f"{what} {value!s:.80} cannot be used ({error.strerror}): give another path") from None
+    return path
 
 
 def is_there(path: Path) -> bool:

@@ -12,9 +12,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-SAFE_PATH = {"PYTHONSAFEPATH": "1"}
-"""Environment under which a Python process does not look for modules in its working folder."""
-
 OURS = {"AUTOMOS_COMMAND": "1"}
 """Environment of processes that the command line runs in: they are ours to end."""
 
@@ -32,21 +29,6 @@ def standing_elsewhere() -> Iterator[None]:
         os.chdir(here)
         if isinstance(here, int):
             os.close(here)
-
-
-@contextmanager
-def starting_processes() -> Iterator[None]:
-    """Let no Python process that is started until the block ends look for modules in the working folder."""
-    before = {name: os.environ.get(name) for name in SAFE_PATH}
-    os.environ.update(SAFE_PATH)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
 
 
 def ignore_settings_here() -> None:

@@ -15,11 +15,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.arguments import given_path
 from automos.core.atomic import atomic_path, remove_parts
 from automos.core.claims import RESULTS, claim
 from automos.core.errors import InputError
-from automos.core.reading import DAMAGE, parsed_again, read_json, require_regular
+from automos.core.reading import DAMAGE, given_path, parsed_again, read_json, require_regular
 from automos.core.run_record import RunRecord
 from automos.core.stages import Arrays, Stage, Stages, fingerprint
 

@@ -13,7 +13,8 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.labels import Label, to_mos
+from automos.core.label_files import to_mos
+from automos.core.labels import Label
 
 UNLABELED, STATIC, MOVING = 0, 1, 2
 """Rows and columns of the confusion matrix."""

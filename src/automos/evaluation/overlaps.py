@@ -14,7 +14,8 @@ from scipy.optimize import linear_sum_assignment
 
 from automos.core.column_data import ColumnData
 from automos.core.geometry import Array
-from automos.core.labels import Label, to_mos
+from automos.core.label_files import to_mos
+from automos.core.labels import Label
 from automos.evaluation.moving import ratio
 
 Ints = npt.NDArray[np.int64]

@@ -9,7 +9,8 @@ import numpy.typing as npt
 
 from automos.core.claims import RESULTS, held_by
 from automos.core.errors import AutomosError, InputError
-from automos.core.labels import Label, to_mos
+from automos.core.label_files import to_mos
+from automos.core.labels import Label
 from automos.core.workspace import COMPLETE, RESULT_FILES, REVIEWED, RUN_FILE, UNFINISHED, Workspace
 from automos.settings import load_settings
 

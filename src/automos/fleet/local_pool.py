@@ -16,7 +16,7 @@ from concurrent import futures
 from pathlib import Path
 
 import automos
-from automos.core.working_folder import SAFE_PATH
+from automos.core.parallel import SAFE_PATH
 from automos.fleet.orders import Ended, Order
 from automos.fleet.units import work
 from automos.fleet.work_folder import thread_limits

@@ -6,7 +6,8 @@ from typing import Any
 
 from automos.core.errors import InputError, MissingExtraError
 from automos.core.extras import pip_install
-from automos.core.working_folder import SAFE_PATH, standing_elsewhere
+from automos.core.parallel import SAFE_PATH
+from automos.core.working_folder import standing_elsewhere
 from automos.fleet.local_pool import Executor
 from automos.fleet.orders import Ended, Order
 from automos.fleet.units import work

@@ -18,8 +18,8 @@ import numpy.typing as npt
 from automos.core.arrays import evenly_spread
 from automos.core.beam_pattern import learn_pattern
 from automos.core.errors import InputError
-from automos.core.label_files import read_confidences, read_labels
-from automos.core.labels import Label, to_mos
+from automos.core.label_files import read_confidences, read_labels, to_mos
+from automos.core.labels import Label
 from automos.core.run import Progress, Run
 from automos.core.scan import Frame, Sequence
 from automos.core.stages import fingerprint

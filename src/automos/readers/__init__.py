@@ -12,10 +12,9 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import NamedTuple
 
-from automos.core.arguments import given_path
 from automos.core.claims import held_by
 from automos.core.errors import InputError
-from automos.core.reading import damage_reported
+from automos.core.reading import damage_reported, given_path
 from automos.core.scan import Sequence
 from automos.readers.codecs import CODECS, LAYOUTS, is_columns, parse_columns
 from automos.readers.files import holds_point_files, holds_scans, is_text, natural_key, point_files

@@ -22,8 +22,9 @@ from typing import IO, Any
 import numpy as np
 
 from automos.core.errors import InputError
+from automos.core.parallel import SAFE_PATH
 from automos.core.reading import damage_reported
-from automos.core.working_folder import OURS, SAFE_PATH
+from automos.core.working_folder import OURS
 from automos.readers.columns import Columns
 from automos.readers.foreign import SENTENCE
 

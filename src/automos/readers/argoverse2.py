@@ -13,7 +13,8 @@ import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.core.geometry import Array, inverse, transform
-from automos.core.labels import Label, pack
+from automos.core.label_files import pack
+from automos.core.labels import Label
 from automos.core.reading import damage_reported, is_there
 from automos.core.scan import Pose, Scan
 from automos.readers.apart import read_apart

@@ -15,7 +15,8 @@ import numpy.typing as npt
 from automos.core.column_data import ColumnData
 from automos.core.errors import InputError
 from automos.core.geometry import FARTHEST, Array, transform
-from automos.core.labels import Label, pack
+from automos.core.label_files import pack
+from automos.core.labels import Label
 from automos.core.reading import is_there, read_json
 from automos.core.scan import MAX_RANGE, Pose, Scan, Sequence
 from automos.core.upright_boxes import Boxes, TrueBoxes, points_in_boxes
@@ -209,12 +210,9 @@ def motion_with_boxes(
     return motion
 
 
-FOLDER = "boxes"
-
-
 def boxes_beside(source: Path, name: str) -> TrueBoxes | None:
     """Return the boxes that `source` has of scan `name`; None without, InputError where they are damaged."""
-    path = source / FOLDER / f"{name}.json"
+    path = source / "boxes" / f"{name}.json"
     if not is_there(path):
         return None  # before anything is read: few recordings have boxes, and all their scans are asked
     try:

@@ -3,9 +3,8 @@
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 
-from automos.core.arguments import given_path
 from automos.core.errors import InputError
-from automos.core.reading import damage_reported, read_json
+from automos.core.reading import damage_reported, given_path, read_json
 from automos.core.run import Progress
 from automos.core.scan import Scan, Sequence
 from automos.core.workspace import RUN_FILE, Workspace

@@ -8,8 +8,8 @@ import numpy.typing as npt
 
 from automos.core.atomic import write_npy, write_raw
 from automos.core.errors import InputError
-from automos.core.label_files import read_confidences, read_labels
-from automos.core.labels import Label, as_probability, pack, to_mos
+from automos.core.label_files import pack, read_confidences, read_labels, to_mos
+from automos.core.labels import Label, as_probability
 from automos.evaluation.predictions import StoredStages
 
 

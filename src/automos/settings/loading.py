@@ -11,9 +11,9 @@ from typing import Any
 import yaml
 from pydantic import BaseModel, ValidationError
 
-from automos.core.arguments import given_path, require_kind
+from automos.core.arguments import require_kind
 from automos.core.errors import SettingsError
-from automos.core.reading import YamlDumper, parse_yaml, read_text
+from automos.core.reading import YamlDumper, given_path, parse_yaml, read_text
 from automos.settings.former import refuse_former_name, with_present_names
 from automos.settings.tree import Settings
 

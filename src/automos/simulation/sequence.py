@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.geometry import Array, inverse, make_transform, rotation_between
-from automos.core.labels import OUTLIER, Label, pack
+from automos.core.label_files import OUTLIER, pack
+from automos.core.labels import Label
 from automos.core.scan import Pose, Scan, Sequence
 from automos.core.upright_boxes import TrueBoxes
 from automos.simulation.conditions import Conditions

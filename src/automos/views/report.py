@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from automos import __version__
-from automos.core.arguments import given_path, require_kind
+from automos.core.arguments import require_kind
 from automos.core.atomic import write_text
 from automos.core.claims import claim_file
+from automos.core.reading import given_path
 from automos.results.run_files import RunFiles
 from automos.views.survey import survey
 

@@ -7,7 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.geometry import transform
-from automos.core.labels import Label, to_mos
+from automos.core.label_files import to_mos
+from automos.core.labels import Label
 from automos.core.reading import damage_reported, is_there, read_text
 from automos.core.workspace import Workspace
 from automos.evaluation.moving import Counts, Scores, count

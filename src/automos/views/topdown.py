@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.atomic import atomic_path
-from automos.core.labels import Label, to_mos
+from automos.core.label_files import to_mos
+from automos.core.labels import Label
 
 UNLABELED, STATIC, MOVING, FALSE, MISSED = range(5)
 """As it was labelled; moving though the truth says static; not moving though the truth says moving."""

@@ -9,11 +9,12 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from automos.core.arguments import given_path, require_kind
+from automos.core.arguments import require_kind
 from automos.core.atomic import faults_reported, held, remove_parts
 from automos.core.claims import EXPORT, claim, claim_file
 from automos.core.errors import InputError
 from automos.core.own_sequence import as_sequence
+from automos.core.reading import given_path
 
 if TYPE_CHECKING:
     from automos.core.run import Progress

@@ -14,8 +14,8 @@ import numpy.typing as npt
 from automos.core.atomic import atomic_path, held, remove_parts, write_raw, write_text
 from automos.core.claims import remove
 from automos.core.errors import InputError
-from automos.core.label_files import read_labels
-from automos.core.labels import Label, pack, to_mos
+from automos.core.label_files import pack, read_labels, to_mos
+from automos.core.labels import Label
 from automos.core.reading import damage_reported, is_there, read_bytes
 from automos.core.workspace import COMPLETE, RUN_FILE, Workspace
 from automos.results.claiming import per_scan_files, require_room

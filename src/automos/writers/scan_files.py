@@ -21,7 +21,8 @@ from automos.core.atomic import atomic_path, faults_reported, write_bytes
 from automos.core.claims import SIGN
 from automos.core.errors import InputError
 from automos.core.geometry import inverse, transform
-from automos.core.labels import Label, pack
+from automos.core.label_files import pack
+from automos.core.labels import Label
 from automos.readers.formats import import_extra
 from automos.readers.point_cloud2 import cloud_message
 from automos.results.run_files import RunFiles

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from automos.baselines.comparison.runs import MethodRuns, is_moving
-from automos.core.labels import Label, to_mos
+from automos.core.label_files import to_mos
+from automos.core.labels import Label
 from automos.views.topdown import View, draw_views
 
 

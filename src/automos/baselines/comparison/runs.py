@@ -24,13 +24,12 @@ from automos.baselines.methods import NEEDS_FUTURE, TITLES, label_scans, publish
 from automos.core.atomic import write_raw, write_text
 from automos.core.claims import METHODS, SCRATCH, claim, remove
 from automos.core.errors import InputError
-from automos.core.label_files import read_labels
-from automos.core.labels import Label, to_mos
-from automos.core.parallel import end_with
+from automos.core.label_files import read_labels, to_mos
+from automos.core.labels import Label
+from automos.core.parallel import end_with, starting_processes
 from automos.core.run import Progress, Run
 from automos.core.scan import Pose, Sequence
 from automos.core.stages import fingerprint
-from automos.core.working_folder import starting_processes
 from automos.core.workspace import Workspace
 from automos.evaluation.predictions import find_predictions
 from automos.odometry.estimate import estimate_trajectory

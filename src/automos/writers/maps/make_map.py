@@ -13,7 +13,8 @@ from automos.core.atomic import remove_parts, write_text
 from automos.core.claims import METHODS, claim, remove
 from automos.core.geometry import inverse
 from automos.core.json_members import without_nan
-from automos.core.labels import Label, to_mos
+from automos.core.label_files import to_mos
+from automos.core.labels import Label
 from automos.core.pose_writers import write_kitti
 from automos.core.run import Progress
 from automos.core.scan import Frame, Frames, Sequence

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.scan import Mask
-from automos.core.voxels import VoxelMap
+from automos.core.voxel_map import VoxelMap
 from automos.evaluation.moving import ratio
 
 _STRIDE = 1 << 32

@@ -14,7 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.geometry import transform
-from automos.core.labels import Label, pack
+from automos.core.label_files import pack
+from automos.core.labels import Label
 from automos.core.scan import Points, Pose
 from automos.results.run_files import RunFiles
 from automos.writers.formats import intensity_of

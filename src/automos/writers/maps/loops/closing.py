@@ -15,7 +15,7 @@ import numpy.typing as npt
 from automos.core.arrays import some_of
 from automos.core.geometry import inverse, se3_exp, se3_log, transform, upright_pose
 from automos.core.scan import Frames, Points, Pose
-from automos.core.voxels import rows_of_first_in_voxel
+from automos.core.voxel_map import rows_of_first_in_voxel
 from automos.odometry.motion import MIN_POINTS
 from automos.settings import LoopSettings
 from automos.writers.maps.loops.places import GROUND, compare_places, describe_place, ground_of
