@@ -36,8 +36,6 @@ from automos.online.stream import Stream, require_online_methods
 from automos.online.whole import WholeRecording
 from automos.settings import Settings, given_settings
 
-__all__ = ["Labeler", "LabelledScan"]
-
 WARM_UP = 14  # made-up scans that are labelled before the first one: with more, a long search would go on beside it
 _log = logging.getLogger(__name__)
 

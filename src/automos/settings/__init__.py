@@ -35,19 +35,6 @@ if TYPE_CHECKING:
 
 _OF_LOADING = ("PRESETS", "dump_yaml", "keys_of", "load_settings", "read_overrides")
 
-__all__ = [
-    "PRESETS",
-    "AssociationSettings",
-    "CandidatesSettings", "CompletionSettings", "DetectSettings",
-    "EgoBodySettings", "FilterSettings", "FreeSpaceSettings", "GateSettings",
-    "GroundSettings", "HdbscanSettings", "ImageSettings", "InstancesSettings",
-    "LabelsSettings", "LoopSettings", "MapSettings", "ModelSettings", "NetworkSettings",
-    "OdometrySettings", "OutputSettings", "RecordingSettings",
-    "SegmentSettings", "Settings",
-    "TrackingSettings", "TrainingSettings", "VerdictSettings",
-    "dump_yaml", "given_settings", "keys_of", "load_settings", "read_overrides",
-]  # fmt: skip
-
 
 def __getattr__(name: str) -> Any:
     if name not in _OF_LOADING:

@@ -17,21 +17,6 @@ from automos.simulation.sequence import FORMAT, SimulatedSequence
 from automos.simulation.truth import Annotations
 from automos.simulation.write import write
 
-__all__ = [
-    "FORMAT",
-    "LONG",
-    "SCENARIOS",
-    "SENSORS",
-    "Annotations",
-    "Conditions",
-    "Convention",
-    "SimulatedSequence",
-    "record",
-    "simulate",
-    "write",
-    "write_recorded",
-]
-
 SCENARIOS: tuple[str, ...] = tuple(_SCENARIOS)
 """Names of the scenarios."""
 SENSORS: tuple[str, ...] = tuple(_SENSORS)

@@ -3,5 +3,3 @@
 from automos.simulation.recorders.convention import Convention
 from automos.simulation.recorders.recorded import Recorded
 from automos.simulation.recorders.write import write_recorded
-
-__all__ = ["Convention", "Recorded", "write_recorded"]
