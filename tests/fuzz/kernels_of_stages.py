@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from hostile_floats import SETTINGS, make_boxes, make_frame, make_pattern, make_tracks
 
-from automos.baselines import erasor, erasor_bins
-from automos.baselines.erasor_bins import fit_region_ground
+from automos.baselines import erasor
+from automos.baselines.erasor import fit_region_ground
 from automos.core import covariances, directions
 from automos.core.geometry import transform
 from automos.core.range_image import find_neighbours, make_image, project
@@ -14,9 +14,9 @@ from automos.core.scan import GROUND, OBJECT, Scan
 from automos.core.upright_boxes import iou_3d, points_in_boxes
 from automos.core.voxel_map import VoxelMap, rows_of_first_in_voxel
 from automos.evidence import ego_body, on_body, steady_ground, votes
-from automos.evidence.clouds import in_clouds
 from automos.evidence.ground import find_ground
 from automos.evidence.look_through import look_through
+from automos.evidence.observations import in_clouds
 from automos.objects import detect, places
 from automos.objects.boxes import fit_boxes
 from automos.objects.extents import headings
@@ -68,12 +68,12 @@ def _ego_body(points: np.ndarray) -> None:
 
 def _erasor(points: np.ndarray) -> None:
     n = len(points)
-    erasor_bins.polar_bins(points, erasor.Parameters(min_height=-1.0))
+    erasor.polar_bins(points, erasor.Parameters(min_height=-1.0))
     ids, is_alive, scanned = np.arange(n), np.ones(n, bool), np.full(n, -1, np.int32)
     for version in (2, 3):
         parameters = erasor.Parameters(version=version, min_points=1)
         scan_ids = ids.astype(np.int32)
-        erasor_bins.compare_bins(ids, points, is_alive, scanned, np.int32(1), points[::-1].copy(), scan_ids, parameters)
+        erasor.compare_bins(ids, points, is_alive, scanned, np.int32(1), points[::-1].copy(), scan_ids, parameters)
     fit_region_ground(points, 0.5, 2, 20, 3, 0.15)
     voxels = VoxelMap(0.2, points[0])
     voxels.add(points)
