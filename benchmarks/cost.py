@@ -101,7 +101,7 @@ def network(recording: str, store: Path) -> dict[str, Any]:
         "points": int(np.mean([len(scan) for scan in scans])),
         "scans_per_second": n / (time.perf_counter() - start),
         "cpu_milliseconds": 1e3 * (time.process_time() - cpu) / n,
-        "milliseconds": {stage: vars(value) for stage, value in latencies(segmenter).items()},
+        "milliseconds": latencies(segmenter),
     }
 
 

@@ -3,7 +3,7 @@ from worlds import record, rider, street, van
 
 from automos.core.geometry import make_transform
 from automos.core.labels import Label
-from automos.network.rivals import FlowThreshold, movable_labels
+from automos.network.rivals import flow_labels, movable_labels
 from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.trajectory import Trajectory
 
@@ -23,7 +23,7 @@ def known(world) -> Trajectory:
 
 def test_a_threshold_on_flow_finds_what_crosses_and_leaves_what_stands():
     world = street(4, traffic=(rider(7.0, -2.0, yaw=np.pi / 2, speed=6.0),))
-    labels = FlowThreshold(world.sequence, known(world)).labels(3)
+    labels = flow_labels(world.sequence, known(world), 3)
     is_moving = world.truth[3] == Label.MOVING
     found, false = (labels[is_moving] == Label.MOVING).mean(), (labels[~is_moving] == Label.MOVING).mean()
     assert found > 0.15  # the way to the nearest point shows motion only where a surface does not slide along itself
@@ -32,5 +32,5 @@ def test_a_threshold_on_flow_finds_what_crosses_and_leaves_what_stands():
 
 def test_the_first_scan_has_no_flow():
     world = record((van(8.0, 0.0, speed=5.0),), np.stack([make_transform(t=[0, 0, 1.8])] * 2))
-    labels = FlowThreshold(world.sequence, known(world)).labels(0)
+    labels = flow_labels(world.sequence, known(world), 0)
     assert set(labels) == {Label.STATIC}

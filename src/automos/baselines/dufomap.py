@@ -4,7 +4,6 @@ Duberg, Zhang, Jia, Jensfelt, "DUFOMap: Efficient Dynamic Awareness Mapping" (RA
 A voxel is empty if rays went through all of it and its surroundings, hits inflated by `d_s`, the unknown by `d_p`.
 """
 
-import importlib
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from automos.baselines.batches import BATCH, BatchSize, cut_batches, is_within
-from automos.core.errors import MissingExtraError
-from automos.core.extras import pip_install
 from automos.core.scan import Frames, Mask
+from automos.readers.formats import import_extra
 
 
 @dataclass(frozen=True)
@@ -50,10 +48,7 @@ def find_moving(frames: Frames, parameters: Parameters, start: int = 0) -> Itera
         The library is not installed.
     """
     os.environ.setdefault("GLOG_minloglevel", "1")  # else it reports its parameters on the terminal, batch by batch
-    try:
-        dufomap = importlib.import_module("dufomap").dufomap
-    except ImportError:
-        raise MissingExtraError(f"dufomap is not installed; run: {pip_install('dufomap')}") from None
+    dufomap = import_extra("dufomap", "dufomap").dufomap
     for batch in cut_batches(frames, parameters.batch, start):
         space = dufomap(parameters.resolution, parameters.d_s, parameters.d_p)
         for k in batch.frames:

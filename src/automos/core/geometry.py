@@ -60,6 +60,14 @@ def upright_pose(heading: npt.ArrayLike, place: npt.ArrayLike) -> Array:
     return make_transform([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], place)
 
 
+def turn_and_shift(T_from: Pose, T_to: Pose) -> Pose:
+    """Return the turn about the vertical and the level shift that take pose `T_from` above or below `T_to`."""
+    angle = np.arctan2(T_to[1, 0], T_to[0, 0]) - np.arctan2(T_from[1, 0], T_from[0, 0])
+    T = upright_pose((np.cos(angle), np.sin(angle)), np.zeros(3))
+    T[:2, 3] = T_to[:2, 3] - (T @ T_from)[:2, 3]
+    return T
+
+
 def quaternion_of(T: npt.ArrayLike) -> Array:
     """Return (4,) the rotation of `T` (4, 4) as x, y, z, w, the first of w, x, y, z that is not 0 positive."""
     from scipy.spatial.transform import Rotation

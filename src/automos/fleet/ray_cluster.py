@@ -4,14 +4,14 @@ import logging
 import socket
 from typing import Any
 
-from automos.core.errors import InputError, MissingExtraError
-from automos.core.extras import pip_install
+from automos.core.errors import InputError
 from automos.core.parallel import SAFE_PATH
 from automos.core.working_folder import standing_elsewhere
 from automos.fleet.local_pool import Executor
 from automos.fleet.orders import Ended, Order
 from automos.fleet.units import work
 from automos.fleet.work_folder import thread_limits
+from automos.readers.formats import import_extra
 
 _log = logging.getLogger(__name__)
 
@@ -27,10 +27,7 @@ class RayCluster(Executor):
         MissingExtraError : Ray is not installed.
         InputError : no cluster answers.
         """
-        try:
-            import ray
-        except ImportError:
-            raise MissingExtraError(f"--ray needs Ray, which is not installed: {pip_install('scale')}") from None
+        ray = import_extra("ray", "scale", "--ray needs Ray, which is not installed: {1}")
         try:
             if not ray.is_initialized():
                 _probe(address)

@@ -20,6 +20,7 @@ from automos.core.errors import AutomosError, InputError, MissingExtraError
 from automos.core.extras import pip_install
 from automos.core.parallel import map_in_order
 from automos.core.reading import parse_url
+from automos.readers.formats import import_extra
 
 _log = logging.getLogger(__name__)
 Item = TypeVar("Item")
@@ -188,10 +189,7 @@ def _reason(error: Exception) -> str:
 
 
 def _open(url: str) -> tuple[Any, str]:
-    try:
-        import fsspec
-    except ImportError:
-        raise MissingExtraError(f"reading from stores needs fsspec; run: {pip_install('scale')}") from None
+    fsspec = import_extra("fsspec", "scale", "reading from stores needs {}; run: {}")
     scheme = url.partition("://")[0] if is_url(url) else "file"
     retries = {"max_attempts": 3, "mode": "standard"}
     of_s3: dict[str, Any] = {"config_kwargs": {"connect_timeout": 10, "read_timeout": 30, "retries": retries}}

@@ -20,7 +20,7 @@ from automos.evaluation.report import evaluate_folder
 from automos.labeling import label_recording
 from automos.network.domains import Domain, write_part
 from automos.network.recordings import Source
-from automos.network.rivals import FlowThreshold, movable_labels
+from automos.network.rivals import flow_labels, movable_labels
 from automos.network.segment import open_network, segment_recording
 from automos.network.tables import Curves, Row
 from automos.network.train import TrainingData, require_training, train
@@ -176,8 +176,8 @@ def rivals(work: Experiment, data: Data, predictions: dict[str, Path]) -> list[R
     """Return the rows of the online methods that LMNet is compared with."""
 
     def flow(sequence: Sequence) -> Callable[[int, Any], Any]:
-        found = FlowThreshold(sequence, estimate_trajectory(sequence, work.settings.odometry))
-        return lambda index, truth: found.labels(index)
+        trajectory = estimate_trajectory(sequence, work.settings.odometry)
+        return lambda index, truth: flow_labels(sequence, trajectory, index)
 
     rows = [
         work.score("all movable classes", data.test, lambda sequence: lambda index, truth: movable_labels(truth)),

@@ -11,11 +11,11 @@ import torch
 
 from automos.core.atomic import atomic_path
 from automos.core.claims import claim_file, remove
-from automos.core.errors import AutomosError, MissingExtraError
-from automos.core.extras import pip_install
+from automos.core.errors import AutomosError
 from automos.network.checkpoint import Checkpoint, MovingProbability
 from automos.network.deployed import METADATA, load_network
 from automos.network.images import BASE_CHANNELS, FORMAT
+from automos.readers.formats import import_extra
 
 TOLERANCE = 1e-3
 """Largest difference of a probability that is a matter of rounding."""
@@ -29,11 +29,7 @@ def export_onnx(checkpoint: Checkpoint, path: Path, tolerance: float = TOLERANCE
     AutomosError : the exported network answers differently, by more than `tolerance`.
     MissingExtraError : onnx and onnxruntime are not installed.
     """
-    try:
-        import onnx
-        import onnxruntime  # noqa: F401
-    except ImportError as error:
-        raise MissingExtraError(f"exporting needs {error.name}: {pip_install('train,deploy')}") from None
+    onnx, _ = (import_extra(name, "train,deploy", "exporting needs {}: {}") for name in ("onnx", "onnxruntime"))
     claim_file(path, f"\n\x07{METADATA}".encode())  # the name and its length, as ONNX writes them
     network = MovingProbability(checkpoint.network).eval()
     image = checkpoint.image

@@ -34,35 +34,29 @@ def movable_labels(truth: npt.NDArray[np.uint32]) -> Labels:
     return np.where(is_movable, Label.MOVING, Label.STATIC).astype(np.uint8)
 
 
-class FlowThreshold:
-    """Points that flow faster than a threshold move; the flow is the way to the nearest point of the scan before.
+def flow_labels(sequence: Sequence, trajectory: Trajectory, index: int) -> Labels:
+    """Return (N,) labels of scan `index`, from it and the one before: what flows faster than a threshold moves.
 
-    The sensor's own motion is taken out first, and a point's flow is the median over its neighbours, since a surface
-    slides along itself without a trace.
+    The flow is the way to the nearest point of the scan before. The sensor's own motion is taken out first, and a
+    point's flow is the median over its neighbours, since a surface slides along itself without a trace.
     """
+    from scipy.spatial import KDTree
 
-    def __init__(self, sequence: Sequence, trajectory: Trajectory):
-        self._sequence, self._trajectory = sequence, trajectory
-
-    def labels(self, index: int) -> Labels:
-        """Return (N,) labels of scan `index`, from it and the one before."""
-        from scipy.spatial import KDTree
-
-        stamps = self._trajectory.stamps
-        frame = make_frame(self._sequence[index], self._trajectory, index)
-        moving = np.zeros(len(frame.points), np.bool_)
-        near = np.linalg.norm(frame.points, axis=1) < _MAX_RANGE
-        height = frame.points_level[:, 2]
-        rows = np.flatnonzero(near & (height > _MIN_HEIGHT))
-        if index > 0 and len(rows):
-            before = make_frame(self._sequence[index - 1], self._trajectory, index - 1)
-            T_now_before = inverse(frame.T_level_sensor) @ before.T_level_sensor
-            earlier = transform(T_now_before, before.points)
-            points = frame.points[rows]
-            _, nearest = KDTree(earlier, balanced_tree=False).query(points, workers=1)
-            flow = points - earlier[nearest]
-            _, around = KDTree(points, balanced_tree=False).query(points, k=min(_NEIGHBOURS, len(points)), workers=1)
-            smooth = np.median(flow[around.reshape(len(points), -1)], axis=1)
-            speed = np.linalg.norm(smooth, axis=1) / (stamps[index] - stamps[index - 1])
-            moving[rows] = (speed > _MIN_SPEED) & (speed < _MAX_SPEED)
-        return frame.scatter(np.where(moving, Label.MOVING, Label.STATIC).astype(np.uint8))
+    stamps = trajectory.stamps
+    frame = make_frame(sequence[index], trajectory, index)
+    moving = np.zeros(len(frame.points), np.bool_)
+    near = np.linalg.norm(frame.points, axis=1) < _MAX_RANGE
+    height = frame.points_level[:, 2]
+    rows = np.flatnonzero(near & (height > _MIN_HEIGHT))
+    if index > 0 and len(rows):
+        before = make_frame(sequence[index - 1], trajectory, index - 1)
+        T_now_before = inverse(frame.T_level_sensor) @ before.T_level_sensor
+        earlier = transform(T_now_before, before.points)
+        points = frame.points[rows]
+        _, nearest = KDTree(earlier, balanced_tree=False).query(points, workers=1)
+        flow = points - earlier[nearest]
+        _, around = KDTree(points, balanced_tree=False).query(points, k=min(_NEIGHBOURS, len(points)), workers=1)
+        smooth = np.median(flow[around.reshape(len(points), -1)], axis=1)
+        speed = np.linalg.norm(smooth, axis=1) / (stamps[index] - stamps[index - 1])
+        moving[rows] = (speed > _MIN_SPEED) & (speed < _MAX_SPEED)
+    return frame.scatter(np.where(moving, Label.MOVING, Label.STATIC).astype(np.uint8))

@@ -1,7 +1,6 @@
 """`automos segment`: one recording through the online network, labels out as `automos label` writes them."""
 
 import json
-from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -26,14 +25,6 @@ from automos.settings import Settings, dump_yaml
 def shipped(suffix: str) -> Path:
     """Return the network that comes with the package: ".onnx" to run, ".pt" to fine-tune."""
     return Path(str(files("automos.network"))) / f"lmnet{suffix}"
-
-
-@dataclass(frozen=True)
-class Latency:
-    """Milliseconds of one stage over a recording."""
-
-    median: float
-    p99: float
 
 
 def open_network(weights: Path | None, engine: str = "auto", device: str = "auto", threads: int = 0) -> Deployed:
@@ -79,20 +70,20 @@ def segment_recording(
             "recording": about(sequence),
             "network": {"engine": network.engine, "image": network.image.model_dump(mode="json"), "card": network.card},
             "points": counts,
-            "milliseconds": {stage: vars(value) for stage, value in latencies(segmenter).items()},
+            "milliseconds": latencies(segmenter),
             "versions": {"automos": __version__},
         }
         write_text(folder / RUN_FILE, json.dumps(run, indent=1))
         return run
 
 
-def latencies(segmenter: OnlineSegmenter) -> dict[str, Latency]:
+def latencies(segmenter: OnlineSegmenter) -> dict[str, dict[str, float]]:
     """Return median and 99th percentile in milliseconds of every stage and of all together."""
     seconds = {stage: np.array(segmenter.seconds[stage]) for stage in STAGES}
     n = min(len(values) for values in seconds.values())
     seconds["all"] = np.sum([values[len(values) - n :] for values in seconds.values()], axis=0)
     return {
-        stage: Latency(*(round(float(1e3 * np.percentile(values, q)), 2) for q in (50, 99)))
+        stage: {name: round(float(1e3 * np.percentile(values, q)), 2) for name, q in (("median", 50), ("p99", 99))}
         for stage, values in seconds.items()
         if len(values)
     }

@@ -24,8 +24,7 @@ import numpy.typing as npt
 
 from automos.core.atomic import write_text
 from automos.core.claims import TRAINING, claim
-from automos.core.errors import InputError, MissingExtraError
-from automos.core.extras import pip_install
+from automos.core.errors import InputError
 from automos.core.parallel import map_in_order
 from automos.core.run import Progress
 from automos.core.stages import fingerprint
@@ -38,6 +37,7 @@ from automos.network.samples import (
     measure_classes,
     measure_scale,
 )
+from automos.readers.formats import import_extra
 from automos.settings import NetworkSettings, Settings, dump_yaml
 
 if TYPE_CHECKING:
@@ -144,12 +144,7 @@ def device_note(device: str) -> str:
 def require_training() -> None:
     """Raise MissingExtraError unless PyTorch, Lightning and torchmetrics are installed."""
     for package in ("torch", "pytorch_lightning", "torchmetrics"):
-        try:
-            __import__(package)
-        except ImportError:
-            raise MissingExtraError(
-                f"training needs {package}, which is not installed: {pip_install('train')}"
-            ) from None
+        import_extra(package, "train", "training needs {}, which is not installed: {}")
 
 
 def _claim(out: Path, data: TrainingData, settings: Settings, init: Path | None) -> None:

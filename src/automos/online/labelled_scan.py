@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -13,9 +12,6 @@ from automos.core.scan import OBJECT, Pose
 from automos.core.stages import Arrays
 from automos.objects.detections import Detections
 from automos.objects.tracks import Tracks
-
-if TYPE_CHECKING:
-    from automos.pipeline import Found
 
 OBJECT_FIELDS = [("track", "i8"), ("center", "3f8"), ("size", "3f8"), ("yaw", "f8"), ("velocity", "3f8")]
 
@@ -68,17 +64,6 @@ def objects_of(tracks: Tracks) -> npt.NDArray:
     out = np.zeros(len(tracks.track), OBJECT_FIELDS)
     for name in out.dtype.names or ():
         out[name] = getattr(tracks, name)
-    return out
-
-
-def labelled_scans(result: Found) -> list[LabelledScan]:
-    """Return all scans of a recording labelled as a whole."""
-    out = []
-    for i, (pose, stamp) in enumerate(zip(result.trajectory.T_level_sensor, result.trajectory.stamps, strict=True)):
-        track = result.track_ids(i)
-        here = np.flatnonzero((result.tracks.scan == i) & np.isin(result.tracks.track, np.unique(track)))
-        objects = objects_of(result.tracks[here])
-        out.append(LabelledScan(i, float(stamp), pose, result.labels(i), track, result.confidence(i), objects))
     return out
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.beam_pattern import Lidar, is_known, learn_pattern
-from automos.core.geometry import Array, inverse, make_transform
+from automos.core.geometry import Array, inverse, turn_and_shift
 from automos.core.scan import Frame, Pose, Scan
 from automos.evidence.ego_body import MIN_SCANS
 from automos.evidence.height_map import GroundMap
@@ -197,10 +197,6 @@ class Sightings:
         T, found, _ = level_frame([(surfels.mean, surfels.covariance)], np.eye(4)[None], self._settings.odometry)
         if found:
             before = self._T_level_world @ posed.T_world_sensor
-            turn = np.arctan2(before[1, 0], before[0, 0]) - np.arctan2(T[1, 0], T[0, 0])
-            c, s = np.cos(turn), np.sin(turn)
-            T_level_sensor = make_transform([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ T
-            T_level_sensor[:2, 3] = before[:2, 3]
-            self._T_level_world = T_level_sensor @ inverse(posed.T_world_sensor)
+            self._T_level_world = turn_and_shift(T, before) @ T @ inverse(posed.T_world_sensor)
             self._is_level = True
             self._grounds.clear()

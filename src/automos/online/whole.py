@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from automos.core.array_sequence import ArraySequence
-from automos.core.geometry import upright_pose
+from automos.core.geometry import turn_and_shift
 from automos.core.scan import Pose, Scan
-from automos.online.labelled_scan import LabelledScan, labelled_scans
+from automos.online.labelled_scan import LabelledScan, objects_of
 from automos.online.segmenting import Segmented
 from automos.settings import Settings
 
@@ -56,21 +56,18 @@ class WholeRecording:
 
         recording = ArraySequence(self._scans, is_compensated=self._is_compensated)
         result = find_labels(recording, self._settings, workers=self._threads)
-        given = labelled_scans(result)
+        given = []
+        for i, (pose, stamp) in enumerate(zip(result.trajectory.T_level_sensor, result.trajectory.stamps, strict=True)):
+            track = result.track_ids(i)
+            here = np.flatnonzero((result.tracks.scan == i) & np.isin(result.tracks.track, np.unique(track)))
+            of_points = result.labels(i), track, result.confidence(i)
+            given.append(LabelledScan(i, float(stamp), pose, *of_points, objects_of(result.tracks[here])))
         if self._is_continuation:
-            T = _turn_and_shift(given[0].pose, self.T_world_sensor)
+            T = turn_and_shift(given[0].pose, self.T_world_sensor)
             given = [_moved(scan, T, self.next_track) for scan in given]
         self.next_track += len(result.verdicts.verdict)
         self.T_world_sensor = given[-1].pose
         return [replace(scan, index=number) for number, scan in zip(self._numbers, given, strict=True)]
-
-
-def _turn_and_shift(T_from: Pose, T_to: Pose) -> Pose:
-    """Return the turn about the vertical and the level shift that take pose `T_from` above or below `T_to`."""
-    angle = np.arctan2(T_to[1, 0], T_to[0, 0]) - np.arctan2(T_from[1, 0], T_from[0, 0])
-    T = upright_pose((np.cos(angle), np.sin(angle)), np.zeros(3))
-    T[:2, 3] = T_to[:2, 3] - (T @ T_from)[:2, 3]
-    return T
 
 
 def _moved(scan: LabelledScan, T: Pose, first_track: int) -> LabelledScan:

@@ -52,8 +52,10 @@ def recordings_in(folder: Path, is_recording: Callable[[Path], bool]) -> list[Pa
     return sorted(filter(is_recording, folder.iterdir())) if folder.is_dir() else []
 
 
-def import_extra(module: str, extra: str) -> Any:
+def import_extra(module: str, extra: str, sentence: str = "{} is not installed; run: {}") -> Any:
     """Return the imported `module`, which comes with the optional dependencies `extra`.
+
+    sentence : what is told without it, of the package and the command that installs it.
 
     Raises
     ------
@@ -63,8 +65,7 @@ def import_extra(module: str, extra: str) -> Any:
     try:
         return importlib.import_module(module)
     except ImportError:
-        package = module.partition(".")[0]
-        raise MissingExtraError(f"{package} is not installed; run: {pip_install(extra)}") from None
+        raise MissingExtraError(sentence.format(module.partition(".")[0], pip_install(extra))) from None
 
 
 def digest_of_files(files: Iterable[Path], *more: bytes) -> str:

@@ -10,13 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.column_data import ColumnData
-from automos.core.errors import MissingExtraError
-from automos.core.extras import pip_install
 from automos.core.geometry import upright_pose
 from automos.core.scan import Pose
 from automos.core.upright_boxes import Boxes
 from automos.objects.kinds import Kind, likeliest
 from automos.objects.verdict import Verdict
+from automos.readers.formats import import_extra
 from automos.results.tracks_file import MIN_SIDE, VERDICTS
 
 if TYPE_CHECKING:
@@ -180,10 +179,7 @@ def boxes_by_scan(objects: Sequence[Object]) -> tuple[npt.NDArray[np.int64], Sca
 
 def table_of(objects: Sequence[Object]) -> pd.DataFrame:
     """Return a table with a row for every box; MissingExtraError if pandas is not installed."""
-    try:
-        import pandas as pd
-    except ImportError:
-        raise MissingExtraError(f"a table needs pandas, which is not installed: {pip_install('pandas')}") from None
+    pandas = import_extra("pandas", "pandas", "a table needs {}, which is not installed: {}")
     each = [len(found) for found in objects]
     of_boxes = ("scans", "stamps", "p_moving", "observed")
     of_objects = {"object": "id", "verdict": "verdict", "kind": "kind", "p_moved": "p_moved"}
@@ -194,4 +190,4 @@ def table_of(objects: Sequence[Object]) -> pd.DataFrame:
     parts = [np.column_stack([f.boxes.center, f.boxes.size, f.boxes.yaw, f.velocity]) for f in objects]
     names = ("x", "y", "z", "length", "width", "height", "yaw", "vx", "vy", "vz")
     places = np.concatenate([np.zeros((0, len(names))), *parts])
-    return pd.DataFrame(columns | dict(zip(names, places.T, strict=True)))
+    return pandas.DataFrame(columns | dict(zip(names, places.T, strict=True)))

@@ -5,9 +5,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.errors import MissingExtraError
-from automos.core.extras import pip_install
 from automos.core.scan import Pose
+from automos.readers.formats import import_extra
 
 EYE = (38.0, 250.0)
 """Metres that the eye is away from the middle of the drive, at least and at most."""
@@ -21,11 +20,7 @@ def load_rerun() -> Any:
     MissingExtraError
         It is not installed.
     """
-    try:
-        import rerun
-        import rerun.blueprint
-    except ImportError:
-        raise MissingExtraError(f"the viewer needs Rerun: {pip_install('view')}") from None
+    rerun, _ = (import_extra(name, "view", "the viewer needs Rerun: {1}") for name in ("rerun", "rerun.blueprint"))
     return rerun
 
 
