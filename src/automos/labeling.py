@@ -14,7 +14,7 @@ from automos.core.errors import InputError
 from automos.core.own_sequence import as_sequence
 from automos.core.pose_files import read_calib, read_poses
 from automos.core.progress import StageProgress
-from automos.core.run import Progress
+from automos.core.run import Progress, silent
 from automos.core.scan import Pose, Sequence
 from automos.core.stages import fingerprint
 from automos.core.workspace import Workspace
@@ -87,7 +87,7 @@ def label(
     if folder is None:
         kept = TemporaryDirectory(prefix="automos-")
         folder = Path(kept.name)
-    _label_into(folder, sequence, chosen, poses, workers, progress or (lambda name, done, total: None))
+    _label_into(folder, sequence, chosen, poses, workers, progress or silent)
     return Result(folder, sequence, kept)
 
 

@@ -16,6 +16,10 @@ Tick = Callable[[int, int], None]
 """The same of one stage."""
 
 
+def silent(name: str, done: int, total: int) -> None:
+    """Tell nobody of progress."""
+
+
 class Run:
     """Runs stages whose results are not there yet."""
 
@@ -25,7 +29,7 @@ class Run:
         self.names = names
         self.seconds = dict.fromkeys(keys, 0.0)
         self._stages = stages
-        self._progress = progress or (lambda name, done, total: None)
+        self._progress = progress or silent
 
     def once(self, name: str, make: Callable[[Tick], Arrays]) -> dict[str, npt.NDArray]:
         """Return the results of a stage that treats the recording as a whole; `make` is given a progress callback."""

@@ -16,7 +16,7 @@ from automos.core.arguments import require_own_names
 from automos.core.errors import InputError
 from automos.core.json_members import without_nan
 from automos.core.label_files import read_labels
-from automos.core.run import Progress
+from automos.core.run import Progress, silent
 from automos.core.scan import Sequence
 from automos.evaluation.moving import Counts, Scores, count
 from automos.evaluation.objects import FOUND, OUTCOMES, Movers, movers_of, scores_of_objects
@@ -109,9 +109,7 @@ class Report:
 
 
 # ---------------------------------------------------------------------------------------------------- evaluating
-def evaluate_recordings(
-    predictions: str | Path, sequences: Iterable[Sequence], progress: Progress | None = None
-) -> Report:
+def evaluate_recordings(predictions: str | Path, sequences: Iterable[Sequence], progress: Progress = silent) -> Report:
     """Score labels on disk against the ground truth that comes with the recordings.
 
     Parameters
@@ -159,7 +157,7 @@ def evaluate_recordings(
     return Report({s.name: evaluate_folder(folders[s.name], s, progress) for s in labelled})
 
 
-def evaluate_folder(folder: str | Path, sequence: Sequence, progress: Progress | None = None) -> Result:
+def evaluate_folder(folder: str | Path, sequence: Sequence, progress: Progress = silent) -> Result:
     """Return the counts of one recording whose predictions are `folder / <scan name>.label`.
 
     Raises
@@ -177,8 +175,7 @@ def evaluate_folder(folder: str | Path, sequence: Sequence, progress: Progress |
                 ranges = np.linalg.norm(sequence[i].points, axis=1)
             counts += count(prediction, truth, ranges)
             overlaps.append(count_overlaps(i, prediction, truth, stored.tracks(name, prediction)))
-        if progress is not None:
-            progress(f"evaluating {sequence.name}", i + 1, len(sequence))
+        progress(f"evaluating {sequence.name}", i + 1, len(sequence))
     return Result(counts, Overlaps.concatenate(overlaps))
 
 

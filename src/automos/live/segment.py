@@ -16,7 +16,7 @@ import numpy as np
 from automos import __version__
 from automos.core.atomic import write_text
 from automos.core.geometry import inverse
-from automos.core.run import Progress
+from automos.core.run import Progress, silent
 from automos.core.scan import Scan, Sequence
 from automos.core.workspace import RUN_FILE
 from automos.labeler import Labeler, LabelledScan
@@ -30,7 +30,7 @@ from automos.settings import Settings
 
 
 def segment_recording(
-    sequence: Sequence, folder: Path, settings: Settings, lag: float = 0.0, progress: Progress | None = None
+    sequence: Sequence, folder: Path, settings: Settings, lag: float = 0.0, progress: Progress = silent
 ) -> dict[str, Any]:
     """Label every scan of `sequence` with a lag of `lag` seconds; return the contents of run.json.
 
@@ -49,8 +49,7 @@ def segment_recording(
             start = time.perf_counter()
             for given in done:
                 writer.write(given)
-            if progress is not None:
-                progress("segment", i + 1, len(sequence))
+            progress("segment", i + 1, len(sequence))
         for given in labeler.finish():
             writer.write(given)
         median, p99 = np.percentile(milliseconds, [50, 99]).round(2).tolist()

@@ -8,7 +8,7 @@ never meet, nor those on which the labeler's settings were chosen (0-9).
 from dataclasses import dataclass
 from pathlib import Path
 
-from automos.core.run import Progress
+from automos.core.run import Progress, silent
 from automos.core.scan import Sequence
 from automos.readers import open_sequence
 
@@ -73,7 +73,7 @@ DOMAINS = {
 }
 
 
-def write_part(part: Part, folder: Path, progress: Progress | None = None, workers: int = 0) -> list[Sequence]:
+def write_part(part: Part, folder: Path, progress: Progress = silent, workers: int = 0) -> list[Sequence]:
     """Return the recordings of `part`, written below `folder` with their truth unless they are there already."""
     from automos.simulation import simulate, write
 

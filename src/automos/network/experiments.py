@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from automos.core.claims import EXPERIMENT, claim
-from automos.core.run import Progress
+from automos.core.run import Progress, silent
 from automos.core.scan import Sequence
 from automos.core.workspace import RUN_FILE
 from automos.evaluation.moving import Counts, count
@@ -84,7 +84,7 @@ class Experiment:
     settings: Settings
     tuning: Settings
     device: Any = "auto"
-    progress: Progress = lambda name, done, total: None
+    progress: Progress = silent
     seconds: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

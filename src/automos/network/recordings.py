@@ -20,7 +20,7 @@ from automos.core.beam_pattern import learn_pattern
 from automos.core.errors import InputError
 from automos.core.label_files import read_confidences, read_labels, to_mos
 from automos.core.labels import Label
-from automos.core.run import Progress, Run
+from automos.core.run import Progress, Run, silent
 from automos.core.scan import Frame, Sequence
 from automos.core.stages import fingerprint
 from automos.core.workspace import Workspace
@@ -163,7 +163,7 @@ class Shelf:
 
 
 def open_labelled(
-    sources: Iterable[Source], settings: Settings, cache: Path, progress: Progress = lambda name, done, total: None
+    sources: Iterable[Source], settings: Settings, cache: Path, progress: Progress = silent
 ) -> list[LabelledRecording]:
     """Return the recordings of `sources`; poses are those of the results folder, else estimated once into `cache`.
 

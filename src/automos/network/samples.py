@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from automos.core.arrays import evenly_spread
 from automos.core.errors import InputError
-from automos.core.run import Progress
+from automos.core.run import Progress, silent
 from automos.network.augmentation import UNCHANGED, apply_change, draw_change
 from automos.network.images import BASE_CHANNELS, make_image
 from automos.network.recordings import LabelledRecording, Shelf
@@ -120,7 +120,7 @@ def _targets(
 
 
 def measure_classes(
-    recordings: list[LabelledRecording], progress: Progress = lambda name, done, total: None, n_scans: int = 60
+    recordings: list[LabelledRecording], progress: Progress = silent, n_scans: int = 60
 ) -> npt.NDArray[np.float64]:
     """Return (3,) class weights, 1 / sqrt(share of labelled points) and 0 for unlabeled, from evenly spread scans.
 
@@ -145,7 +145,7 @@ def measure_classes(
 
 
 def measure_scale(
-    recordings: list[LabelledRecording], progress: Progress = lambda name, done, total: None, n_scans: int = 20
+    recordings: list[LabelledRecording], progress: Progress = silent, n_scans: int = 20
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
     """Return the mean and the standard deviation (2,) of the base channels over the pixels that show something."""
     n = len(BASE_CHANNELS)

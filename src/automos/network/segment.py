@@ -10,7 +10,7 @@ import numpy as np
 from automos import __version__
 from automos.core.atomic import write_npy, write_text
 from automos.core.pose_writers import write_kitti
-from automos.core.run import Progress
+from automos.core.run import Progress, silent
 from automos.core.scan import Sequence
 from automos.core.workspace import RUN_FILE
 from automos.live.segment import stamped
@@ -38,7 +38,7 @@ def segment_recording(
     network: Deployed,
     settings: Settings,
     probabilities: bool = False,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> dict[str, Any]:
     """Label every scan of `sequence` from itself and the ones before; write labels, poses and run.json to `folder`.
 
@@ -62,8 +62,7 @@ def segment_recording(
             if probabilities:
                 write_npy(folder / "probabilities" / f"{name}.npy", moving.astype(np.float16))
             count_points(counts, labels)
-            if progress is not None:
-                progress("segment", i + 1, len(sequence))
+            progress("segment", i + 1, len(sequence))
         write_kitti(folder / "poses.txt", np.array(poses))
         write_text(folder / "settings.yaml", dump_yaml(settings))
         run = {

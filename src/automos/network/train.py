@@ -26,7 +26,7 @@ from automos.core.atomic import write_text
 from automos.core.claims import TRAINING, claim
 from automos.core.errors import InputError
 from automos.core.parallel import map_in_order
-from automos.core.run import Progress
+from automos.core.run import Progress, silent
 from automos.core.stages import fingerprint
 from automos.network.recordings import LabelledRecording, Source, open_labelled
 from automos.network.samples import (
@@ -61,7 +61,7 @@ def train(
     init: Path | None = None,
     device: str = "auto",
     devices: int = 1,
-    progress: Progress = lambda name, done, total: None,
+    progress: Progress = silent,
     poses: Path | None = None,
     loaders: int | None = None,
     report: Callable[[str], object] = lambda sentence: None,

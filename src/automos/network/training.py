@@ -27,7 +27,7 @@ from torch.utils.data import DataLoader
 
 from automos.core.errors import InputError
 from automos.core.parallel import available_cores
-from automos.core.run import Progress
+from automos.core.run import Progress, silent
 from automos.network.checkpoint import Checkpoint, load_checkpoint, require_shape, save_checkpoint
 from automos.network.module import MONITORED, Kept, Told, Training
 from automos.settings import NetworkSettings, TrainingSettings
@@ -79,7 +79,7 @@ def train_network(
     init: Path | None = None,
     device: str = "auto",
     devices: int = 1,
-    progress: Progress = lambda name, done, total: None,
+    progress: Progress = silent,
     loaders: int | None = None,
     report: Callable[[str], object] = lambda sentence: None,
 ) -> Checkpoint:

@@ -12,9 +12,9 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.core.errors import InputError
+from automos.core.scan import Mask
 from automos.readers import foxglove_cloud, livox_message
 from automos.readers.columns import Columns
 from automos.readers.formats import import_extra
@@ -118,8 +118,6 @@ def _types(is_ros2: bool) -> Any:
             types.register(typesys.get_types_from_msg("geometry_msgs/TransformStamped[] transforms", tree))
     return types
 
-
-Mask = npt.NDArray[np.bool_]
 
 TYPES = (CLOUD, *livox_message.TYPES)
 """Types of messages that are cut."""

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from automos.core.errors import InputError
 from automos.core.reading import damage_reported, given_path, read_json
-from automos.core.run import Progress
+from automos.core.run import Progress, silent
 from automos.core.scan import Scan, Sequence
 from automos.core.workspace import RUN_FILE, Workspace
 from automos.readers import open_sequence
@@ -19,7 +19,7 @@ def open_run(
     folder: str | Path,
     recording: str | Path | None = None,
     format: str | None = None,
-    progress: Progress = lambda name, done, total: None,
+    progress: Progress = silent,
     deskewed: bool = False,
 ) -> RunFiles:
     """Open a results folder together with its recording, for commands: `automos.load` is what users call.

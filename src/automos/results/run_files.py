@@ -17,7 +17,7 @@ import numpy.typing as npt
 from automos.core.errors import InputError
 from automos.core.geometry import inverse, transform, upright_pose
 from automos.core.pose_files import read_poses
-from automos.core.run import Progress
+from automos.core.run import Progress, silent
 from automos.core.scan import GROUND, Frame, Points, Pose, Scan, Sequence
 from automos.core.workspace import require_same
 from automos.evaluation.predictions import find_predictions
@@ -60,7 +60,7 @@ class RunFiles(PointFiles):
         self,
         folder: Path,
         sequence: Sequence,
-        progress: Progress = lambda name, done, total: None,
+        progress: Progress = silent,
         deskewed: bool = False,
     ):
         super().__init__(folder, sequence.names, find_predictions(folder, sequence.name, is_only=True))

@@ -23,7 +23,7 @@ from automos.core.claims import remove
 from automos.core.json_members import without_nan
 from automos.core.labels import as_probability
 from automos.core.pose_writers import write_kitti, write_tum
-from automos.core.run import Progress
+from automos.core.run import Progress, silent
 from automos.core.scan import Sequence
 from automos.core.workspace import COMPLETE, RUN_FILE, UNFINISHED, Workspace
 from automos.objects.verdict import Verdict
@@ -44,7 +44,7 @@ def write_results(
     sequence: Sequence,
     result: Found,
     settings: Settings,
-    progress: Progress = lambda name, done, total: None,
+    progress: Progress = silent,
     is_whole: bool = True,
     poses: str | None = None,
 ) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from automos.core.atomic import write_text
 from automos.core.geometry import Array
 from automos.core.labels import Label, as_probability
 from automos.core.reading import read_bytes
-from automos.core.run import Progress
+from automos.core.run import Progress, silent
 from automos.core.scan import Sequence
 from automos.core.workspace import REVIEWED, RUN_FILE, UNFINISHED, Workspace
 from automos.results.point_files import write_points
@@ -41,7 +41,7 @@ def read_changes(stages: RunStages) -> tuple[Changes, Lost]:
     return Changes(decided, amendments), [*lost, *elsewhere]
 
 
-def reapply(folder: Path, sequence: Sequence, progress: Progress = lambda name, done, total: None) -> dict[str, Any]:
+def reapply(folder: Path, sequence: Sequence, progress: Progress = silent) -> dict[str, Any]:
     """Apply the log of `folder` to the results there; return the new run.json.
 
     Raises

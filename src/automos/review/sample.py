@@ -13,7 +13,7 @@ from automos.core.atomic import write_text
 from automos.core.errors import InputError
 from automos.core.labels import Label
 from automos.core.reading import checked, read_json
-from automos.core.run import Progress
+from automos.core.run import Progress, silent
 from automos.core.scan import Mask
 from automos.core.upright_boxes import Boxes, points_in_boxes
 from automos.core.workspace import RUN_FILE, Workspace
@@ -93,7 +93,7 @@ def draw(
     changes: Changes,
     n_looks: int,
     seed: int | None = None,
-    progress: Progress = lambda name, done, total: None,
+    progress: Progress = silent,
 ) -> Sample:
     """Return a random sample of `n_looks` looks at the labels as they are after `changes`.
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from automos.core.errors import InputError
-from automos.core.run import Progress
+from automos.core.run import Progress, silent
 from automos.core.workspace import Workspace
 from automos.results.run_files import RunFiles
 from automos.results.run_warnings import general_sentences
@@ -31,7 +31,7 @@ AHEAD = 3
 class Session(Record):
     """What there is to decide on, and everything that the page may ask or say."""
 
-    def __init__(self, run: RunFiles, progress: Progress = lambda name, done, total: None, n_looks: int | None = None):
+    def __init__(self, run: RunFiles, progress: Progress = silent, n_looks: int | None = None):
         """Take a run; decisions made before are applied first, in case the last session was cut off.
 
         n_looks : looks of a random sample to draw, if a sample is to be answered.

@@ -27,7 +27,7 @@ from automos.core.geometry import Array, inverse, se3_log
 from automos.core.own_folder import own_folder
 from automos.core.parallel import map_in_order
 from automos.core.pose_writers import write_kitti
-from automos.core.run import Progress
+from automos.core.run import Progress, silent
 from automos.readers.formats import import_extra
 from automos.readers.point_cloud2 import cloud_message
 from automos.simulation.sequence import FORMAT, SimulatedSequence
@@ -108,7 +108,7 @@ def write(
     sequence: SimulatedSequence,
     out: str | Path,
     workers: int = 1,
-    progress: Progress | None = None,
+    progress: Progress = silent,
     bag: bool = False,
 ) -> Path:
     """Write `sequence` with its truth to folder `out` and return the folder; an interrupted run goes on.
@@ -137,15 +137,14 @@ def write(
     return out
 
 
-def _write_all(sequence: SimulatedSequence, out: Path, workers: int, progress: Progress | None) -> None:
+def _write_all(sequence: SimulatedSequence, out: Path, workers: int, progress: Progress) -> None:
     write_text(out / "calib.txt", "".join(f"{name}: {_IDENTITY}\n" for name in ("P0", "P1", "P2", "P3", "Tr")))
     write_text(out / "times.txt", "".join(f"{stamp:.6f}\n" for stamp in sequence.stamps))
     write_kitti(out / "poses.txt", sequence.reference_poses)
     todo = [k for k, name in enumerate(sequence.names) if not (out / "boxes" / f"{name}.json").exists()]
     written = map_in_order(partial(_write_scan, sequence, out), todo, workers)
     for done, _ in enumerate(written, len(sequence) - len(todo) + 1):
-        if progress is not None:
-            progress("simulate", done, len(sequence))
+        progress("simulate", done, len(sequence))
 
 
 def _write_scan(sequence: SimulatedSequence, out: Path, index: int) -> None:

@@ -15,6 +15,7 @@ from automos.core.claims import EXPORT, claim, claim_file
 from automos.core.errors import InputError
 from automos.core.own_sequence import as_sequence
 from automos.core.reading import given_path
+from automos.core.run import silent
 
 if TYPE_CHECKING:
     from automos.core.run import Progress
@@ -62,7 +63,7 @@ def export_run(
     sequences: Sequence[ScanSequence],
     format: str,
     out: str | Path | None = None,
-    progress: Progress = lambda name, done, total: None,
+    progress: Progress = silent,
     deskewed: bool = False,
 ) -> list[Path]:
     """Write the results in `folder` in another format.

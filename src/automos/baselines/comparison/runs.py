@@ -27,7 +27,7 @@ from automos.core.errors import InputError
 from automos.core.label_files import read_labels, to_mos
 from automos.core.labels import Label
 from automos.core.parallel import end_with, starting_processes
-from automos.core.run import Progress, Run
+from automos.core.run import Progress, Run, silent
 from automos.core.scan import Pose, Sequence
 from automos.core.stages import fingerprint
 from automos.core.workspace import Workspace
@@ -71,7 +71,7 @@ class MethodRuns:
         _check_predictions(sequence, self._others)
         self._settings = {preset: load_settings(preset, None, overrides) for preset in PRESETS}
         self._own_process = own_process
-        self._workers, self._progress = workers, progress or (lambda name, done, total: None)
+        self._workers, self._progress = workers, progress or silent
         claim(folder, METHODS)
         self._given, self._trajectories = poses, dict[str, Trajectory]()
         self.trajectory = self.trajectory_of("default")

@@ -20,7 +20,7 @@ from automos.core.errors import InputError
 from automos.core.labels import Label
 from automos.core.own_folder import own_folder
 from automos.core.reading import read_array, read_bytes
-from automos.core.scan import Scan, Sequence
+from automos.core.scan import Mask, Scan, Sequence
 from automos.core.workspace import Workspace
 from automos.readers.bag_messages import with_rows
 from automos.readers.codecs import parse_columns
@@ -36,7 +36,6 @@ from automos.writers.cleaning.bags import require_rewritable, rewrite_bag
 from automos.writers.formats import Export, copy_file, make_folders, point_columns, write_pcd
 from automos.writers.las import las_bytes
 
-Mask = npt.NDArray[np.bool_]
 Rewrite = Callable[[Path, Path, str, Mask], None]
 """Takes the file, the one to write, the columns of files that do not name them, and (N,) which points are kept."""
 

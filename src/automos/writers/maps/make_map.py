@@ -16,7 +16,7 @@ from automos.core.json_members import without_nan
 from automos.core.label_files import to_mos
 from automos.core.labels import Label
 from automos.core.pose_writers import write_kitti
-from automos.core.run import Progress
+from automos.core.run import Progress, silent
 from automos.core.scan import Frame, Frames, Sequence
 from automos.settings import MapSettings
 from automos.writers.maps.loops.closing import close_loops
@@ -43,7 +43,7 @@ def make_map(
     out: Path,
     kinds: list[str],
     settings: MapSettings,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> MadeMap:
     """Write the map without moving objects, a picture of it, and one of the map with all points, to the folder `out`.
 
@@ -80,8 +80,7 @@ def make_map(
         for i in range(len(sequence)):
             frame = replace(frames[i], T_level_sensor=T_level_sensor[i])
             found.add(frame, labels_of(i, frame.n_points), sequence.truth(i))
-            if progress is not None:
-                progress("map", i + 1, len(sequence))
+            progress("map", i + 1, len(sequence))
         scores = found.finish()
     found.raw.write(out / "map_raw.png")
     found.clean.write(out / "map_clean.png")

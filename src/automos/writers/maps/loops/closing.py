@@ -17,14 +17,12 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.arrays import some_of
-from automos.core.geometry import inverse, se3_exp, se3_log, transform, upright_pose
+from automos.core.geometry import Array, inverse, se3_exp, se3_log, transform, upright_pose
 from automos.core.scan import Frames, Points, Pose
 from automos.core.voxel_map import rows_of_first_in_voxel
 from automos.odometry.motion import MIN_POINTS
 from automos.settings import LoopSettings
 from automos.writers.maps.loops.pose_graph import Edges, solve_pose_graph
-
-Array = npt.NDArray[np.float64]
 
 PLACE_EVERY, PLACE_SCANS = 5.0, 5
 """Metres travelled from a place to the next, and scans along the path between its neighbours, which describe it: later
@@ -194,8 +192,6 @@ def _spread(T_level_sensor: Pose, T_level_place: Pose, correction: Array, path: 
     T = moved[0] @ se3_exp(np.minimum(share, 1.0)[:, None] * se3_log(inverse(moved[0]) @ moved[1]))
     return T_level_sensor[0] @ inverse(T[0]) @ T
 
-
-Array = npt.NDArray[np.float64]
 
 GROUND = 0.5
 """Metres above the lowest surface below which heights are not distinctive."""

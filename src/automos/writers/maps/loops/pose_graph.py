@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.geometry import adjoint, inverse, se3_exp, se3_log
+from automos.core.geometry import Array, adjoint, inverse, se3_exp, se3_log
 from automos.core.normal_equations import NormalEquations
 from automos.core.scan import Pose
 
-Array = npt.NDArray[np.float64]
 Ids = npt.NDArray[np.int64]
 
 OUTLIER = 16.8
