@@ -15,6 +15,7 @@ from worlds import World, lane, write_bins
 from automos.core.array_sequence import ArraySequence
 from automos.core.claims import MARK
 from automos.core.errors import InputError
+from automos.core.geometry import inverse
 from automos.core.pose_writers import write_kitti
 from automos.core.workspace import RUN_FILE, Workspace
 from automos.labeling import label_recording, summary
@@ -205,7 +206,7 @@ def test_a_place_that_may_not_be_written_is_told(recording, tmp_path):
 def test_poses_are_read_with_the_calibration_given(recording, world, tmp_path):
     # the camera's poses and the calibration that turns them back: the labels are those of the sensor's poses
     T_camera_sensor = np.array([[0.0, -1, 0, 0.1], [0, 0, -1, -0.2], [1, 0, 0, -0.3], [0, 0, 0, 1]])
-    write_kitti(tmp_path / "camera.txt", world.poses, T_camera_sensor)
+    write_kitti(tmp_path / "camera.txt", T_camera_sensor @ world.poses @ inverse(T_camera_sensor))
     (tmp_path / "calib.txt").write_text("Tr: " + " ".join(map(str, T_camera_sensor[:3].ravel())))
     run(recording, tmp_path / "straight")
     sequence = open_sequence(recording)

@@ -52,7 +52,7 @@ def test_a_calibration_turns_a_kitti_file_into_sensor_poses(tmp_path):
 
 
 def test_poses_written_for_the_camera_are_read_back_with_the_same_calibration(tmp_path):
-    write_kitti(tmp_path / "poses.txt", drive(), T_CAMERA_SENSOR)
+    write_kitti(tmp_path / "poses.txt", T_CAMERA_SENSOR @ drive() @ inverse(T_CAMERA_SENSOR))
     read = read_poses(tmp_path / "poses.txt", 6, T_camera_sensor=T_CAMERA_SENSOR)
     np.testing.assert_allclose(read, drive(), atol=1e-10)
 
@@ -186,6 +186,6 @@ def test_the_poses_of_a_real_drive_move_forward_and_come_back_for_the_camera(rec
     assert (steps[:, 0] > 0.9).all()
     assert (steps[:, 0] < 2.5).all()
     assert (np.abs(steps[:, 1:]) < 0.3).all()
-    write_kitti(tmp_path / "poses.txt", poses, T_camera_sensor)
+    write_kitti(tmp_path / "poses.txt", T_camera_sensor @ poses @ inverse(T_camera_sensor))
     written, original = np.loadtxt(tmp_path / "poses.txt"), np.loadtxt(folder / "poses.txt")
     np.testing.assert_allclose(written, original, atol=1e-6)

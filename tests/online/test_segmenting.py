@@ -7,13 +7,15 @@ from worlds import street
 from automos import load_settings
 from automos.online.following import GROWN
 from automos.online.segmenting import Segmenting
+from automos.online.sighting import Sightings
 
 
 @pytest.mark.parametrize(("lag", "ages"), [(0.0, [0.5 * GROWN, GROWN]), (0.5 * GROWN, [GROWN]), (GROWN, [])])
 def test_evidence_of_a_scan_is_updated_halfway_and_when_it_is_complete_unless_the_lag_is_as_long(lag, ages):
     updated = defaultdict(list)
     with ThreadPoolExecutor(1) as pool:
-        segmenting = Segmenting(load_settings(), lag, pool, True, True, None)
+        settings = load_settings()
+        segmenting = Segmenting(settings, lag, pool, Sightings(settings, pool, True, True, None))
         for k, scan in enumerate(street(22).sequence):
             for found in segmenting.step(k, scan).renewed:
                 one = found.result()

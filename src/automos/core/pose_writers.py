@@ -6,18 +6,12 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.atomic import write_text
-from automos.core.geometry import inverse
 
 
-def write_kitti(path: str | Path, poses: npt.ArrayLike, T_camera_sensor: npt.ArrayLike | None = None) -> None:
-    """Write `poses` (N, 4, 4) T_world_sensor as KITTI's 12 numbers per line, atomically.
-
-    With `T_camera_sensor` (4, 4) the camera's poses are written, as KITTI does.
-    """
-    T = np.asarray(poses, np.float64)
-    if T_camera_sensor is not None:
-        T = np.asarray(T_camera_sensor, np.float64) @ T @ inverse(T_camera_sensor)
-    lines = (" ".join(f"{value:.12e}" for value in row) for row in T[:, :3].reshape(-1, 12))
+def write_kitti(path: str | Path, poses: npt.ArrayLike) -> None:
+    """Write `poses` (N, 4, 4) as KITTI's 12 numbers per line, atomically."""
+    rows = np.asarray(poses, np.float64)[:, :3].reshape(-1, 12)
+    lines = (" ".join(f"{value:.12e}" for value in row) for row in rows)
     write_text(Path(path), "".join(line + "\n" for line in lines))
 
 

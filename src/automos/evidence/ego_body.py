@@ -12,7 +12,6 @@ What is connected to the body belongs to it (`on_body`). While the sensor stands
 does no harm: objects that never move are static.
 """
 
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -24,6 +23,7 @@ from automos.core.directions import last_looks, motion_of, raw_points
 from automos.core.geometry import Array, inverse, se3_log, transform
 from automos.core.range_image import NO_RAY, UNIT, RangeImage, make_image, over_neighbours, project
 from automos.core.scan import Frame, Frames, Mask, Points
+from automos.evidence.ground import find_ground
 from automos.evidence.look_through import EDGE, HIT, look_through, tolerances_of
 from automos.evidence.on_body import cells_within, extent_in, extent_in_most, parts_of
 from automos.settings import CandidatesSettings, EgoBodySettings, FreeSpaceSettings
@@ -48,17 +48,8 @@ _WORLD_SHARE = 0.05  # share of hits among the reports above which a cell is wor
 _LEAST_SHARE = 0.02  # share of free-space observations among the reports; fewer may be due to errors of the poses
 
 
-def find_ego_body(
-    frames: Frames,
-    lidar: Lidar,
-    find_ground: Callable[[Frame], Mask],
-    settings: CandidatesSettings,
-    threads: int = 2,
-) -> EgoBody | None:
-    """Return the ego body that `frames` show for one `lidar`, None if there is none or too little motion to find it.
-
-    `find_ground` returns which points of a frame are ground: they connect nothing to the body.
-    """
+def find_ego_body(frames: Frames, lidar: Lidar, settings: CandidatesSettings, threads: int = 2) -> EgoBody | None:
+    """Return the ego body that `frames` show for one `lidar`, None if there is none or too little motion to find it."""
     T_level_sensor, max_range = frames.T_level_sensor @ lidar.T_scan_sensor, settings.ego_body.max_range
     scans = _scans_apart(T_level_sensor)
     if len(scans) < MIN_SCANS:
@@ -66,7 +57,8 @@ def find_ego_body(
 
     def extent(frame: Frame) -> Ranges:
         rows, part = frame.of_sensor(lidar.number)
-        return extent_in(raw_points(part), find_ground(frame)[rows], reach, lidar.pattern, max_range)
+        is_ground = find_ground(frame.points_level, frame.origin_level, settings.ground)[0]  # it connects nothing
+        return extent_in(raw_points(part), is_ground[rows], reach, lidar.pattern, max_range)
 
     with ThreadPoolExecutor(threads) as pool:
         ranges = np.stack(list(pool.map(lambda i: _nearest_ranges(frames[i], lidar, max_range), scans)))

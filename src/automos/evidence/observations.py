@@ -23,7 +23,7 @@ from automos.core.kernels import kernel
 from automos.core.range_image import RangeImage, find_neighbours, make_image, project
 from automos.core.scan import EGO_BODY, GROUND, OBJECT, SPECK, Frame, Frames, Mask, Points, Pose
 from automos.evidence.ego_body import find_ego_body
-from automos.evidence.ground import find_ground, map_ground
+from automos.evidence.ground import map_ground
 from automos.evidence.height_map import GroundMap, above_ground
 from automos.evidence.on_body import is_on_body
 from automos.settings import CandidatesSettings, GroundSettings
@@ -123,12 +123,7 @@ def learn_lidars(frames: Frames, sample: list[Frame], settings: CandidatesSettin
 
 def with_body(lidars: list[Lidar], frames: Frames, settings: CandidatesSettings, threads: int) -> list[Lidar]:
     """Return `lidars` with the ego body that `frames` show for each of them."""
-
-    def is_ground(frame: Frame) -> Mask:
-        return find_ground(frame.points_level, frame.origin_level, settings.ground)[0]
-
-    about = is_ground, settings, threads
-    return [replace(lidar, body=find_ego_body(frames, lidar, *about)) for lidar in lidars]
+    return [replace(lidar, body=find_ego_body(frames, lidar, settings, threads)) for lidar in lidars]
 
 
 def ground_of(frame: Frame, settings: GroundSettings) -> GroundMap:

@@ -87,19 +87,10 @@ class _Held:
 class Segmenting:
     """The evidence and the segments of a stream of scans."""
 
-    def __init__(
-        self,
-        settings: Settings,
-        lag: float,
-        pool: ThreadPoolExecutor,
-        is_compensated: bool | None,
-        has_stamps: bool,
-        T_world_first: Pose | None,
-    ):
-        """Take the arguments of `Stream`."""
-        self._settings, self._lag, self._pool = settings, lag, pool
+    def __init__(self, settings: Settings, lag: float, pool: ThreadPoolExecutor, sightings: Sightings):
+        """Take the arguments of `Stream`, and what gives the sightings of its scans."""
+        self._settings, self._lag, self._pool, self._sightings = settings, lag, pool, sightings
         self._settle = min(lag, GROWN)
-        self._sightings = Sightings(settings, pool, is_compensated, has_stamps, T_world_first)
         self._window = EvidenceWindow(settings.candidates.free_space)
         self._renewal = Renewal(settings.candidates.ground, pool)
         self._held: deque[_Held] = deque()
@@ -107,11 +98,6 @@ class Segmenting:
         self._doubted: deque[_Held] = deque()
         self._start = np.inf
         self._lidars: list[Lidar] = []
-
-    @property
-    def T_world_sensor(self) -> Pose:
-        """(4, 4) pose of the latest scan."""
-        return self._sightings.T_level_sensor
 
     def step(self, number: int, scan: Scan) -> Segmented:
         """Return the results that `scan`, number `number`, completes; it has points and a stamp."""

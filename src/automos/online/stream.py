@@ -15,6 +15,7 @@ from automos.objects.tracking import TrackedObjects
 from automos.online.following import Followed, Following, Found
 from automos.online.labelled_scan import LabelledScan, is_unknown, objects_of
 from automos.online.segmenting import Segmented, SegmentedScan, Segmenting
+from automos.online.sighting import Sightings
 from automos.settings import Settings
 
 
@@ -37,7 +38,8 @@ class Stream:
         """
         moving = settings.labels.moving or "now"  # what moves at any time, is not known before the end
         self._settings = settings.model_copy(update={"labels": settings.labels.model_copy(update={"moving": moving})})
-        self._segmenting = Segmenting(settings, lag, pool, is_compensated, has_stamps, T_world_first)
+        self._sightings = Sightings(settings, pool, is_compensated, has_stamps, T_world_first)
+        self._segmenting = Segmenting(settings, lag, pool, self._sightings)
         self._following = Following(settings.tracking, lag, first_track)
 
     @property
@@ -48,7 +50,7 @@ class Stream:
     @property
     def T_world_sensor(self) -> Pose:
         """(4, 4) pose of the latest scan."""
-        return self._segmenting.T_world_sensor
+        return self._sightings.T_level_sensor
 
     def segment(self, number: int, scan: Scan) -> Segmented:
         """Return the results that `scan`, number `number`, completes; it has points and a stamp.
