@@ -20,7 +20,7 @@ from automos.core.pose_writers import write_kitti
 from automos.core.workspace import RUN_FILE, Workspace
 from automos.labeling import label_recording, summary
 from automos.live.segment import segment_recording
-from automos.pipeline import find_labels
+from automos.pipeline import Steps
 from automos.readers import open_sequence
 from automos.settings import load_settings
 
@@ -234,7 +234,7 @@ def test_results_in_a_folder_of_their_own_within_the_recording_go_on(world, reco
 def test_scans_whose_names_are_too_long_for_files_are_told_before_work_starts(world, tmp_path):
     scans = [replace(scan, name="a" * 250 + scan.name) for scan in world.sequence]
     for start in (
-        lambda: find_labels(ArraySequence(scans), PAPER, workspace=Workspace(tmp_path / "out"), workers=1),
+        lambda: Steps(ArraySequence(scans), PAPER, workspace=Workspace(tmp_path / "out"), workers=1).found(),
         lambda: label_recording(ArraySequence(scans), tmp_path / "out", PAPER, workers=1),
         lambda: segment_recording(ArraySequence(scans), tmp_path / "out", load_settings("default")),
     ):

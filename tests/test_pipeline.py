@@ -14,7 +14,7 @@ from automos.core.labels import Label
 from automos.core.scan import Scan
 from automos.core.workspace import Workspace
 from automos.objects.verdict import Verdict
-from automos.pipeline import Found, find_labels, stage_keys
+from automos.pipeline import Found, Steps, stage_keys
 from automos.settings import LabelsSettings, Settings, load_settings
 
 PAPER, DEFAULT = load_settings("paper"), load_settings("default")
@@ -31,14 +31,16 @@ class Case:
     def label(self, sequence: ArraySequence | None = None, poses: np.ndarray | None = None, workers: int = 1) -> Found:
         """Return the labels of other scans, or with other poses."""
         sequence = self.world.sequence if sequence is None else sequence
-        return find_labels(sequence, self.settings, poses=self.world.poses if poses is None else poses, workers=workers)
+        return Steps(
+            sequence, self.settings, poses=self.world.poses if poses is None else poses, workers=workers
+        ).found()
 
 
 @pytest.fixture(scope="module", params=["default", "paper"])
 def case(request) -> Case:
     """Return a street under the default preset, and a lane under the paper's, which is slower and sees less."""
     world, settings = (street(), DEFAULT) if request.param == "default" else (lane(), PAPER)
-    return Case(world, settings, find_labels(world.sequence, settings, poses=world.poses, workers=1))
+    return Case(world, settings, Steps(world.sequence, settings, poses=world.poses, workers=1).found())
 
 
 def labels_of(result: Found) -> list[np.ndarray]:
@@ -76,7 +78,7 @@ def test_labels_below_the_confidence_asked_for_are_left_out_and_the_others_as_th
     k = int(np.searchsorted(np.cumsum(count) / len(sure), 0.02))  # between two values that there are
     limit = float(values[k : k + 2].mean())
     asked = case.settings.model_copy(update={"labels": LabelsSettings(unsure=limit)})
-    found = find_labels(case.world.sequence, asked, poses=case.world.poses, workers=1)
+    found = Steps(case.world.sequence, asked, poses=case.world.poses, workers=1).found()
     expected = np.where(sure >= limit, plain, Label.UNLABELED)
     assert 0 < (expected == Label.UNLABELED).mean() < 0.9
     np.testing.assert_array_equal(np.concatenate(labels_of(found)), expected)
@@ -84,7 +86,7 @@ def test_labels_below_the_confidence_asked_for_are_left_out_and_the_others_as_th
 
 def test_moving_now_leaves_out_objects_that_stand_at_the_time(case):
     asked = case.settings.model_copy(update={"labels": LabelsSettings(moving="now")})
-    found = find_labels(case.world.sequence, asked, poses=case.world.poses, workers=1)
+    found = Steps(case.world.sequence, asked, poses=case.world.poses, workers=1).found()
     tracks = found.tracks
     for i in range(len(found)):
         in_scan = np.flatnonzero(tracks.scan == i)
@@ -98,7 +100,7 @@ def test_moving_now_leaves_out_objects_that_stand_at_the_time(case):
 @pytest.mark.parametrize("settings", [DEFAULT, PAPER], ids=["default", "paper"])
 def test_where_nothing_moves_no_point_is_moving(settings):
     world = street(traffic=())
-    result = find_labels(world.sequence, settings, poses=world.poses, workers=1)
+    result = Steps(world.sequence, settings, poses=world.poses, workers=1).found()
     for labels in labels_of(result):
         assert (labels == Label.STATIC).all()
     assert not (result.verdicts.verdict == Verdict.MOVING).any()
@@ -107,7 +109,7 @@ def test_where_nothing_moves_no_point_is_moving(settings):
 def test_without_poses_they_come_from_the_scans():
     # by the default preset: KISS-ICP alone takes the rings on the ground, which move along, for a world at rest
     world = street()
-    result = find_labels(world.sequence, DEFAULT, workers=1)
+    result = Steps(world.sequence, DEFAULT, workers=1).found()
     np.testing.assert_allclose(result.trajectory.T_world_sensor[:, :3, 3], world.poses[:, :3, 3], atol=0.25)
     assert iou_of_moving(labels_of(result), world.truth) > 0.75
 
@@ -193,7 +195,7 @@ def test_an_empty_scan_in_the_middle_has_no_labels_and_the_others_all_of_theirs(
 @pytest.mark.parametrize("n_scans", [1, 2])
 def test_one_scan_and_two_scans_are_recordings(n_scans, with_poses, settings):
     world = lane(n_scans)
-    result = find_labels(world.sequence, settings, poses=world.poses if with_poses else None, workers=1)
+    result = Steps(world.sequence, settings, poses=world.poses if with_poses else None, workers=1).found()
     assert len(result) == n_scans
     for labels, scan in zip(labels_of(result), world.sequence, strict=True):
         np.testing.assert_array_equal(labels, np.full(len(scan), Label.STATIC))
@@ -203,7 +205,7 @@ def test_one_scan_and_two_scans_are_recordings(n_scans, with_poses, settings):
 @pytest.mark.parametrize("n_points", [0, 3])
 def test_scans_of_hardly_a_point_are_labelled_all_the_same(n_points, settings):
     clouds = [np.full((n_points, 3), 5.0 + i, np.float32) for i in range(4)]
-    result = find_labels(ArraySequence(clouds, 0.1 * np.arange(4)), settings, workers=1)
+    result = Steps(ArraySequence(clouds, 0.1 * np.arange(4)), settings, workers=1).found()
     for labels in labels_of(result):
         np.testing.assert_array_equal(labels, np.full(n_points, Label.STATIC))
 
@@ -237,13 +239,13 @@ def bent(poses: np.ndarray, fault: str) -> np.ndarray:
 def test_poses_that_are_none_are_told_with_their_place(fault, message):
     world = lane(8)
     with pytest.raises(InputError, match=message) as error:
-        find_labels(world.sequence, PAPER, poses=bent(world.poses, fault), workers=1)
+        Steps(world.sequence, PAPER, poses=bent(world.poses, fault), workers=1).found()
     assert "\n" not in str(error.value)
 
 
 def test_a_recording_without_scans_is_told():
     with pytest.raises(InputError, match="holds no scans"):
-        find_labels(ArraySequence([]), PAPER)
+        Steps(ArraySequence([]), PAPER).found()
 
 
 # ------------------------------------------------------------------------------------------------ stages and resume
@@ -283,8 +285,8 @@ def test_other_scans_and_other_poses_change_every_fingerprint():
 
 def test_a_second_run_makes_nothing_again(tmp_path):
     world, workspace = lane(8), Workspace(tmp_path)
-    first = find_labels(world.sequence, PAPER, poses=world.poses, workspace=workspace, workers=1)
-    second = find_labels(world.sequence, PAPER, poses=world.poses, workspace=workspace, workers=1)
+    first = Steps(world.sequence, PAPER, poses=world.poses, workspace=workspace, workers=1).found()
+    second = Steps(world.sequence, PAPER, poses=world.poses, workspace=workspace, workers=1).found()
     assert all(first.seconds[stage] > 0.0 for stage in STAGES)
     assert all(second.seconds[stage] == 0.0 for stage in STAGES)
     for got, want in zip(labels_of(second), labels_of(first), strict=True):
@@ -294,9 +296,9 @@ def test_a_second_run_makes_nothing_again(tmp_path):
 def test_a_changed_setting_makes_only_what_depends_on_it_and_reads_nothing_old(tmp_path):
     world, workspace = lane(), Workspace(tmp_path)
     strict = load_settings("paper", overrides={"tracking.verdict.min_observations": 99})
-    before = find_labels(world.sequence, PAPER, poses=world.poses, workspace=workspace, workers=1)
+    before = Steps(world.sequence, PAPER, poses=world.poses, workspace=workspace, workers=1).found()
     assert any((labels == Label.MOVING).any() for labels in labels_of(before))
-    result = find_labels(world.sequence, strict, poses=world.poses, workspace=workspace, workers=1)
+    result = Steps(world.sequence, strict, poses=world.poses, workspace=workspace, workers=1).found()
     assert [stage for stage in STAGES if result.seconds[stage] > 0.0] == ["tracking", "labels"]
     assert all((labels == Label.STATIC).all() for labels in labels_of(result))
     assert len(list((tmp_path / "stages").iterdir())) == len(STAGES)
@@ -329,8 +331,8 @@ def test_an_interrupted_stage_goes_on_with_the_scans_it_has_not_saved(case, tmp_
     first, second = Watched(tmp_path, stage), Watched(tmp_path)
     sequence, poses, names = case.world.sequence, case.world.poses, case.world.sequence.names
     with pytest.raises(KeyboardInterrupt):
-        find_labels(sequence, case.settings, poses=poses, workspace=first, workers=1)
-    result = find_labels(sequence, case.settings, poses=poses, workspace=second, workers=1)
+        Steps(sequence, case.settings, poses=poses, workspace=first, workers=1).found()
+    result = Steps(sequence, case.settings, poses=poses, workspace=second, workers=1).found()
     assert not set(first.saved) & set(second.saved)
     assert [scan for name, scan in first.saved if name == stage] == names[:3]
     assert [scan for name, scan in second.saved if name == stage] == names[3:]
@@ -340,6 +342,6 @@ def test_an_interrupted_stage_goes_on_with_the_scans_it_has_not_saved(case, tmp_
 
 def test_progress_counts_every_scan_of_every_stage():
     world, ticks = lane(8), []
-    find_labels(world.sequence, PAPER, poses=world.poses, workers=1, progress=lambda *tick: ticks.append(tick))
+    Steps(world.sequence, PAPER, poses=world.poses, workers=1, progress=lambda *tick: ticks.append(tick)).found()
     for stage in ("candidates", "instances", "labels"):
         assert [tick for tick in ticks if tick[0] == stage] == [(stage, i + 1, 8) for i in range(8)]

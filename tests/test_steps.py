@@ -6,7 +6,7 @@ from worlds import street
 
 from automos.core.workspace import Workspace
 from automos.evidence.free_space import FreeSpace
-from automos.pipeline import Steps, find_labels, stage_keys
+from automos.pipeline import Steps, stage_keys
 from automos.settings import load_settings
 
 
@@ -18,12 +18,12 @@ def world():
 @pytest.mark.parametrize("preset", ["default", "paper"])
 def test_labels_made_in_parts_are_those_made_at_once(world, preset, tmp_path):
     settings = load_settings(preset)
-    whole = find_labels(world.sequence, settings, poses=world.poses, workers=1)
+    whole = Steps(world.sequence, settings, poses=world.poses, workers=1).found()
     for scans in (range(9, 16), range(0, 5), range(5, 9)):  # in any order, each as a process of its own would
         Steps(world.sequence, settings, world.poses, Workspace(tmp_path), workers=1).instances(scans)
     for scans in (range(0, 7), range(7, 16)):
         Steps(world.sequence, settings, world.poses, Workspace(tmp_path), workers=1).labels(scans)
-    parts = find_labels(world.sequence, settings, poses=world.poses, workspace=Workspace(tmp_path), workers=1)
+    parts = Steps(world.sequence, settings, poses=world.poses, workspace=Workspace(tmp_path), workers=1).found()
     assert all(seconds == 0 for seconds in parts.seconds.values())  # nothing was left to do
     for i in range(16):
         np.testing.assert_array_equal(parts.labels(i), whole.labels(i))

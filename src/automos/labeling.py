@@ -18,7 +18,7 @@ from automos.core.run import Progress, silent
 from automos.core.scan import Pose, Sequence
 from automos.core.stages import fingerprint
 from automos.core.workspace import Workspace
-from automos.pipeline import find_labels
+from automos.pipeline import Steps
 from automos.result import Result
 from automos.results.claiming import refuse_unrepeatable, require_room
 from automos.results.run_warnings import sentences_of
@@ -143,7 +143,7 @@ def _label_into(
     require_same_poses(folder, poses, overwrite)
     with held(folder, waits):
         is_whole = not key_of_changes(folder)  # a damaged log is reported before any label is touched
-        found = find_labels(sequence, settings, poses, Workspace(folder), workers, progress)
+        found = Steps(sequence, settings, poses, Workspace(folder), workers, progress).found()
         write_results(folder, sequence, found, settings, progress, is_whole, _key_of(poses))
         del found  # who looks for places reads the same tables again
         note_concerns(RunStages(folder, sequence), may_be_cameras)

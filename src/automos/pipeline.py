@@ -75,26 +75,6 @@ class Found:
         return as_probability(self.stage.load(self.names[index], "confidence")["confidence"])
 
 
-def find_labels(
-    sequence: Sequence,
-    settings: Settings,
-    poses: Pose | None = None,
-    workspace: Stages | None = None,
-    workers: int = 0,
-    progress: Progress | None = None,
-) -> Found:
-    """Run all stages whose results are not in `workspace`, memory where none is given; return what they found.
-
-    poses : (N, 4, 4) T_world_sensor to use instead of odometry.   workers : processes, 0: one per core.
-    """
-    workspace = workspace or Stages()
-    steps = Steps(sequence, settings, poses, workspace, workers, progress)
-    labels = steps.labels()
-    workspace.keep_only(steps.run.keys)
-    found, run = steps.objects, steps.run
-    return Found(steps.trajectory, found.tracks, found.verdicts, run.names, run.seconds, run.keys, labels)
-
-
 class Steps:
     """The stages of one recording; each first runs the earlier stages whose results are missing.
 
@@ -113,12 +93,20 @@ class Steps:
         workers: int = 0,
         progress: Progress | None = None,
     ):
-        """Take the arguments of `find_labels`."""
+        """Take a recording, and where results are kept and found: in memory where no `workspace` is given.
+
+        poses : (N, 4, 4) T_world_sensor to use instead of odometry.   workers : processes, 0: one per core.
+        """
         self.sequence, self.settings, self.poses = sequence, settings, poses
-        self.workers = checked_workers(workers)
-        workspace = workspace or Stages()
-        workspace.require_names(sequence.names, len(sequence))
-        self.run = Run(workspace, stage_keys(sequence, settings, poses), sequence.names, progress)
+        self.workers, self._workspace = checked_workers(workers), workspace or Stages()
+        self._workspace.require_names(sequence.names, len(sequence))
+        self.run = Run(self._workspace, stage_keys(sequence, settings, poses), sequence.names, progress)
+
+    def found(self) -> Found:
+        """Run all stages whose results are missing, forget those of other settings; return what they found."""
+        labels, objects, run = self.labels(), self.objects, self.run
+        self._workspace.keep_only(run.keys)
+        return Found(self.trajectory, objects.tracks, objects.verdicts, run.names, run.seconds, run.keys, labels)
 
     @cached_property
     def trajectory(self) -> Trajectory:

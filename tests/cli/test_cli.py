@@ -343,7 +343,7 @@ def test_labels_of_the_wrong_length_cannot_be_scored(automos, log, tmp_path):
     assert ended.out == ""
 
 
-@pytest.mark.parametrize("place", [(labeling, "find_labels"), (cli, "app")], ids=["at work", "before the command"])
+@pytest.mark.parametrize("place", [(labeling, "Steps"), (cli, "app")], ids=["at work", "before the command"])
 def test_ctrl_c_says_that_the_same_command_goes_on(automos, log, monkeypatch, place):
     def interrupt(*args, **kwargs):
         raise KeyboardInterrupt

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from automos.fleet.fleet import MAX_TRIES, label_all
+from automos.fleet.fleet import MAX_TRIES, Fleet
 from automos.fleet.ledger import Ledger
 from automos.fleet.local_pool import Executor
 from automos.fleet.orders import Ended, Job, Kind, Order, Recording, Report, State, Unit
@@ -49,7 +49,7 @@ def run(tmp_path):
     def run(names: str, executor: Executor, target="/out", source="/logs/"):
         ledger = Ledger(tmp_path / "run.sqlite")
         job = Job(load_settings("default"), target, tmp_path / "work", chunk=4)
-        return label_all([Recording(name, source + name) for name in names], job, executor, ledger)
+        return Fleet([Recording(name, source + name) for name in names], job, executor, ledger).run()
 
     return run
 

@@ -9,7 +9,7 @@ from automos.core.labels import Label
 from automos.core.scan import GROUND, OBJECT, Scan
 from automos.objects.object_points import paint_objects, point_confidence
 from automos.objects.tracks import Tracks, observed
-from automos.pipeline import find_labels
+from automos.pipeline import Steps
 from automos.settings import CompletionSettings, load_settings
 
 GRID = np.stack(np.meshgrid(np.arange(-5, 5, 0.25), np.arange(-4, 4, 0.25)), axis=-1).reshape(-1, 2)
@@ -194,7 +194,7 @@ def roadside(n_scans=14, gap=1.0):
 
 def test_at_one_scan_a_second_what_passes_is_told_by_the_evidence_alone():
     sequence, moves = roadside()
-    result = find_labels(sequence, load_settings(), poses=np.tile(np.eye(4), (len(sequence), 1, 1)), workers=1)
+    result = Steps(sequence, load_settings(), poses=np.tile(np.eye(4), (len(sequence), 1, 1)), workers=1).found()
     found = np.concatenate([result.stage.load(name, "label")["label"] for name in result.names]) == Label.MOVING
     assert (found & moves).sum() > 0.8 * moves.sum()
     assert (found & moves).sum() > 0.98 * found.sum()

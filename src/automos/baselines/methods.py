@@ -19,7 +19,7 @@ from automos.core.labels import Label
 from automos.core.scan import Frames, Mask, Sequence
 from automos.core.workspace import Workspace
 from automos.odometry.trajectory import SequenceFrames, Trajectory
-from automos.pipeline import find_labels, stage_keys
+from automos.pipeline import Steps, stage_keys
 from automos.settings import PRESETS, Settings
 
 
@@ -123,7 +123,7 @@ def label_scans(
         workspace = Workspace(scratch)
         # The pipeline takes poses that are there already for its own.
         workspace.stage("odometry", stage_keys(sequence, settings)["odometry"]).save("all", trajectory.to_arrays())
-        result = find_labels(sequence, settings, workspace=workspace, workers=workers)
+        result = Steps(sequence, settings, workspace=workspace, workers=workers).found()
         yield from ((i, result.labels(i)) for i in range(len(sequence)))
         return
     frames = SequenceFrames(sequence, trajectory)

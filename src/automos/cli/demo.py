@@ -15,7 +15,7 @@ from automos.core.scan import Scan, Sequence
 from automos.evaluation.moving import Counts, Scores, count
 from automos.objects.verdict import Verdict
 from automos.odometry.trajectory import SequenceFrames
-from automos.pipeline import Found, find_labels
+from automos.pipeline import Found, Steps
 from automos.settings import Settings
 from automos.simulation import SimulatedSequence, simulate
 from automos.views.topdown import View, draw_views
@@ -45,7 +45,7 @@ def run_demo(folder: Path, settings: Settings, progress: Progress) -> Demo:
     world = simulate(SCENARIO, SENSOR, SCANS, SEED)
     scans, truth = _record(world, progress)
     recording = ArraySequence(scans, world.stamps, name="street", is_compensated=world.is_compensated)
-    result = find_labels(recording, settings, progress=progress)
+    result = Steps(recording, settings, progress=progress).found()
     counts = [count(result.labels(i), truth[i]) for i in range(SCANS)]
     scores = sum(counts[1:], counts[0]).scores
 

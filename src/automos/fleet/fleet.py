@@ -60,17 +60,12 @@ class _Work:
     home: str | None = None
 
 
-def label_all(
-    recordings: Iterable[Recording], job: Job, executor: Executor, ledger: Ledger, progress: Progress | None = None
-) -> Outcome:
-    """Label `recordings`, as many at a time as `executor` can, and return how that ended.
+class Fleet:
+    """Labels recordings, as many at a time as `executor` can.
 
     Results do not depend on the executor, nor on what was lost and done again on the way.
     """
-    return _Fleet(recordings, job, executor, ledger).run(progress)
 
-
-class _Fleet:
     def __init__(self, recordings: Iterable[Recording], job: Job, executor: Executor, ledger: Ledger):
         self._outcome = Outcome()
         self._job, self._executor, self._ledger = job, executor, ledger
@@ -78,7 +73,8 @@ class _Fleet:
         self._ready = deque((work, Unit()) for work in self._work.values())
         self._running: dict[int, tuple[_Work, Order]] = {}
 
-    def run(self, progress: Progress | None) -> Outcome:
+    def run(self, progress: Progress | None = None) -> Outcome:
+        """Label all, and return how that ended."""
         outcome, total = self._outcome, len(self._work)
         while self._ready or self._running:
             self._deal_out()

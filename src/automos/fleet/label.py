@@ -8,7 +8,7 @@ from pathlib import Path
 from automos.core.errors import InputError
 from automos.core.parallel import available_cores, checked_workers
 from automos.core.workspace import RUN_FILE
-from automos.fleet.fleet import Outcome, Progress, label_all
+from automos.fleet.fleet import Fleet, Outcome, Progress
 from automos.fleet.ledger import Ledger, ledger_folder, ledger_name
 from automos.fleet.local_pool import Executor, InProcess, LocalPool
 from automos.fleet.orders import Job, Recording
@@ -107,7 +107,7 @@ def label_fleet(
         closing(Ledger(path, books if is_url(target) else None)) as ledger,
     ):
         ledger.begin(recordings, key, dump_yaml(settings), versions(), workers.slots)
-        return label_all(recordings, job, workers, ledger, progress)
+        return Fleet(recordings, job, workers, ledger).run(progress)
 
 
 def make_executor(resources: Resources) -> Executor:

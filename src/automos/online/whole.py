@@ -52,10 +52,10 @@ class WholeRecording:
 
     def finish(self) -> list[LabelledScan]:
         """Return all scans."""
-        from automos.pipeline import find_labels
+        from automos.pipeline import Steps
 
         recording = ArraySequence(self._scans, is_compensated=self._is_compensated)
-        result = find_labels(recording, self._settings, workers=self._threads)
+        result = Steps(recording, self._settings, workers=self._threads).found()
         given = []
         for i, (pose, stamp) in enumerate(zip(result.trajectory.T_level_sensor, result.trajectory.stamps, strict=True)):
             track = result.track_ids(i)
