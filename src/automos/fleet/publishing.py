@@ -18,7 +18,7 @@ from automos.core.atomic import write_text
 from automos.core.claims import MARK, RESULTS, claim, is_run_record, mark_of, remove
 from automos.core.errors import InputError
 from automos.core.reading import parse_json, read_bytes
-from automos.core.workspace import COMPLETE, RESULT_FILES, RUN_FILE, Workspace
+from automos.core.workspace import COMPLETE, RESULT_FILES, RUN_FILE, Workspace, write_run
 from automos.fleet.storage import Store, StoreError, is_url, of_each, shown
 
 MARKER = COMPLETE
@@ -130,7 +130,7 @@ def publish(folder: Path, target: str, marker: Marker, source: str) -> None:
     if is_url(source):
         run = Workspace(folder).read_run()
         run["recording"]["source"] = shown(source)
-        write_text(folder / RUN_FILE, json.dumps(run, indent=1))
+        write_run(folder, run)
     paths = sorted(
         path.relative_to(folder).as_posix()
         for path in folder.rglob("*")

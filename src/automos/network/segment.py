@@ -1,6 +1,5 @@
 """`automos segment`: one recording through the online network, labels out as `automos label` writes them."""
 
-import json
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ from automos.core.atomic import write_npy, write_text
 from automos.core.pose_writers import write_kitti
 from automos.core.run import Progress, silent
 from automos.core.scan import Sequence
-from automos.core.workspace import RUN_FILE
+from automos.core.workspace import write_run
 from automos.live.segment import stamped
 from automos.network.deployed import Deployed, load_network
 from automos.network.online import STAGES, OnlineSegmenter
@@ -72,7 +71,7 @@ def segment_recording(
             "milliseconds": latencies(segmenter),
             "versions": {"automos": __version__},
         }
-        write_text(folder / RUN_FILE, json.dumps(run, indent=1))
+        write_run(folder, run)
         return run
 
 

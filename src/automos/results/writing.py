@@ -9,7 +9,6 @@ run.json              versions, fingerprints, counts, timings, warnings
 stages/               the results of each stage; deleting them costs only time
 """
 
-import json
 import logging
 import platform
 from collections.abc import Iterable
@@ -25,7 +24,7 @@ from automos.core.labels import as_probability
 from automos.core.pose_writers import write_kitti, write_tum
 from automos.core.run import Progress, silent
 from automos.core.scan import Sequence
-from automos.core.workspace import COMPLETE, RUN_FILE, UNFINISHED, Workspace
+from automos.core.workspace import COMPLETE, RUN_FILE, UNFINISHED, Workspace, write_run
 from automos.objects.verdict import Verdict
 from automos.odometry.clock import rate_of
 from automos.odometry.trajectory import Trajectory
@@ -63,7 +62,7 @@ def write_results(
         for stale in (folder / COMPLETE, folder / RUN_FILE, *per_scan_files(folder)):
             remove(stale)
     elif not is_whole or "review" in before:
-        write_text(folder / RUN_FILE, json.dumps({**before, UNFINISHED: True}, indent=1))
+        write_run(folder, {**before, UNFINISHED: True})
     rate = rate_of(settings.recording, sequence.name)
     counts, n_body = _write_scans(folder, result, output, progress)
     trajectory = result.trajectory
@@ -86,7 +85,7 @@ def write_results(
         "versions": versions(),
         **({} if is_whole else {UNFINISHED: True}),
     }
-    write_text(folder / RUN_FILE, json.dumps(run, indent=1))
+    write_run(folder, run)
     return run
 
 
@@ -110,7 +109,7 @@ def declare_whole(folder: Path) -> dict[str, Any]:
     """Have run.json say that all decisions are applied; return its contents."""
     run = Workspace(folder).read_run()
     if run.pop(UNFINISHED, False):
-        write_text(folder / RUN_FILE, json.dumps(run, indent=1))
+        write_run(folder, run)
     return run
 
 

@@ -4,7 +4,6 @@ The scans concerned are labelled again (`changes`), always from the results of t
 correction: applying everything twice, or after a crash, gives the same files.
 """
 
-import json
 from collections import Counter, defaultdict
 from collections.abc import Iterator
 from functools import lru_cache
@@ -14,13 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from automos.core.atomic import write_text
 from automos.core.geometry import Array
 from automos.core.labels import Label, as_probability
 from automos.core.reading import read_bytes
 from automos.core.run import Progress, silent
 from automos.core.scan import Sequence
-from automos.core.workspace import REVIEWED, RUN_FILE, UNFINISHED, Workspace
+from automos.core.workspace import REVIEWED, UNFINISHED, Workspace, write_run
 from automos.results.point_files import write_points
 from automos.results.tracks_file import box_entry, track_entries, write_tracks
 from automos.review.amendments import Amendment, ever_made, in_scans, read_amendments
@@ -69,7 +67,7 @@ def note_applied(folder: Path) -> dict[str, Any]:
         run, key = Workspace(folder).read_run(), key_of_changes(folder)
         if key:
             run["review"] = {**run.get("review", {}), "applied": key}
-            write_text(folder / RUN_FILE, json.dumps(run, indent=1))
+            write_run(folder, run)
     return run
 
 
@@ -114,7 +112,7 @@ def rewrite_run(stages: RunStages, changes: Changes, lost: Lost) -> None:
         run["points"] = points
         run["tracks"] = {**run.get("tracks", {}), "total": counted.total(), "moving": counted["moving"]}
         run["review"] = review
-        write_text(stages.folder / RUN_FILE, json.dumps(run, indent=1))
+        write_run(stages.folder, run)
 
 
 def changed_entries(stages: RunStages, changes: Changes) -> Iterator[dict[str, Any]]:

@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from automos.core.atomic import write_text
 from automos.core.geometry import Array
 from automos.core.upright_boxes import Boxes
-from automos.core.workspace import RUN_FILE, Workspace
+from automos.core.workspace import Workspace, write_run
 from automos.objects.tracks import observed
 from automos.review.follow import Detect, Heading, Path, follow_ahead
 from automos.review.run_stages import RunStages
@@ -152,5 +151,5 @@ def note_concerns(stages: RunStages, has_given_poses: bool) -> list[dict[str, An
         stage.save("concerns", {"json": np.array(json.dumps(find_concerns(stages, has_given_poses)))})
     concerns: list[dict[str, Any]] = json.loads(str(stage.load("concerns", "json")["json"]))
     run = Workspace(stages.folder).read_run()
-    write_text(stages.folder / RUN_FILE, json.dumps({**run, "warnings": concerns}, indent=1))
+    write_run(stages.folder, {**run, "warnings": concerns})
     return concerns

@@ -16,7 +16,7 @@ from automos.core.reading import checked, read_json
 from automos.core.run import Progress, silent
 from automos.core.scan import Mask
 from automos.core.upright_boxes import Boxes, points_in_boxes
-from automos.core.workspace import RUN_FILE, Workspace
+from automos.core.workspace import Workspace, write_run
 from automos.objects.tracks import observed
 from automos.review.apply import RECORD
 from automos.review.box_rows import as_box
@@ -223,7 +223,7 @@ def note_quality(folder: Path) -> None:
         if sample is not None and answers:
             run["quality"] = estimate(sample, answers)
         if run.get("quality") != before:
-            write_text(folder / RUN_FILE, json.dumps(run, indent=1))
+            write_run(folder, run)
 
 
 def key_of_labels(folder: Path) -> str:

@@ -17,7 +17,7 @@ from automos.core.errors import InputError
 from automos.core.label_files import pack, read_labels, to_mos
 from automos.core.labels import Label
 from automos.core.reading import damage_reported, is_there, read_bytes
-from automos.core.workspace import COMPLETE, RUN_FILE, Workspace
+from automos.core.workspace import COMPLETE, RUN_FILE, Workspace, write_run
 from automos.results.claiming import per_scan_files, require_room
 from automos.results.point_files import count_points, no_points
 from automos.results.run_files import RunFiles
@@ -87,7 +87,7 @@ def merge(run: RunFiles, corrected: Path, out: Path) -> Merged:
         if about:
             n_moving = sum(track["verdict"] == "moving" for track in tracks["tracks"])
             about |= {"points": counts, "tracks": {"total": len(tracks["tracks"]), "moving": n_moving}}
-            write_text(out / RUN_FILE, json.dumps(about, indent=1))
+            write_run(out, about)
     return merged
 
 
