@@ -2,11 +2,13 @@
 
 import errno
 import io
+import json
 import os
 import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -111,6 +113,11 @@ def write_text(path: Path, text: str) -> None:
     """Write `text` to `path`, completely or not at all."""
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def write_json(path: Path, value: Any, indent: int | None = None) -> None:
+    """Write `value` to `path` as JSON, completely or not at all."""
+    write_text(path, json.dumps(value, indent=indent))
 
 
 def write_bytes(path: Path, content: bytes | memoryview) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
-from automos.core.geometry import FARTHEST, inverse, make_transform
+from automos.core.geometry import FARTHEST, inverse, make_transform, with_exact_rotations
 from automos.core.reading import read_text
 from automos.core.scan import Pose
 
@@ -149,10 +149,8 @@ def _from_matrices(rows: npt.NDArray[np.float64], line_numbers: npt.NDArray[np.i
             f"{path}, line {line_numbers[bad]}: not a rigid transform (its rotation is off by {skewness[bad]:.3g}); "
             "poses are rotation and translation only, without scale or mirroring"
         )
-    U, _, Vt = np.linalg.svd(R)
-    T[:, :3, :3] = U @ Vt
     T[:, 3] = [0.0, 0.0, 0.0, 1.0]
-    return T
+    return with_exact_rotations(T)
 
 
 def _from_quaternions(rows: npt.NDArray[np.float64], line_numbers: npt.NDArray[np.int64], path: Path) -> Pose:

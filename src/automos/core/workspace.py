@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.atomic import atomic_path, remove_parts, write_text
+from automos.core.atomic import atomic_path, remove_parts, write_json
 from automos.core.claims import RESULTS, claim
 from automos.core.errors import InputError
 from automos.core.reading import DAMAGE, given_path, parsed_again, read_json, require_regular
@@ -199,4 +199,4 @@ class Workspace(Stages):
 
 def write_run(folder: Path, run: dict[str, Any]) -> None:
     """Write what run.json says of the run in `folder`."""
-    write_text(folder / RUN_FILE, json.dumps(run, indent=1))
+    write_json(folder / RUN_FILE, run, indent=1)

@@ -1,12 +1,11 @@
 """What an experiment comes to: a table in Markdown and JSON, a curve as a picture and JSON."""
 
-import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 
-from automos.core.atomic import write_text
+from automos.core.atomic import write_json
 from automos.evaluation.moving import Counts
 
 
@@ -47,7 +46,7 @@ def write_table(rows: list[Row], path: Path) -> str:
         ratios = [f"{100 * value:.1f}" if np.isfinite(value) else "-" for value in (s.iou, s.precision, s.recall)]
         lines.append(f"| {row.method} | {' | '.join(ratios)} | {f'{row.hours:.2f}' if row.hours else ''} |")
         content.append({"method": row.method, "iou": s.iou, "precision": s.precision, "recall": s.recall})
-    write_text(path, json.dumps(content, indent=1))
+    write_json(path, content, indent=1)
     return "\n".join(lines)
 
 
@@ -73,4 +72,4 @@ def write_curves(curves: Curves, path: Path) -> None:
     axes.legend()
     figure.savefig(path, dpi=120)
     plt.close(figure)
-    write_text(path.with_suffix(".json"), json.dumps(asdict(curves), indent=1))
+    write_json(path.with_suffix(".json"), asdict(curves), indent=1)

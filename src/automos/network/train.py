@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.atomic import write_text
+from automos.core.atomic import write_json, write_text
 from automos.core.claims import TRAINING, claim
 from automos.core.errors import InputError
 from automos.core.parallel import map_in_order
@@ -183,7 +183,7 @@ def pack(
     parts = [rows[k : k + _AT_ONCE] for k in range(0, len(rows), _AT_ONCE)]
     for _ in map_in_order(partial(_fill, samples, folder), parts[done:], workers, chunk=1):
         done += 1
-        write_text(state, json.dumps({"key": key, "parts": done}))
+        write_json(state, {"key": key, "parts": done})
         progress(folder.name, min(done * _AT_ONCE, len(samples)), len(samples))
 
 

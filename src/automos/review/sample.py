@@ -1,6 +1,5 @@
 """A random sample of a run's labels for a person to judge, stored in sample.json; answers are lines of the log."""
 
-import json
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -9,7 +8,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, TypeAdapter
 
-from automos.core.atomic import write_text
+from automos.core.atomic import write_json
 from automos.core.errors import InputError
 from automos.core.labels import Label
 from automos.core.reading import checked, read_json
@@ -150,7 +149,7 @@ def _usual_size(stages: RunStages, changes: Changes) -> float:
 def save_sample(folder: Path, sample: Sample) -> None:
     """Write `sample` into `folder`."""
     looks = [list(vars(look).values()) for look in sample.looks]
-    write_text(folder / SAMPLE_FILE, json.dumps({**vars(sample), "looks": looks}))
+    write_json(folder / SAMPLE_FILE, {**vars(sample), "looks": looks})
 
 
 def read_sample(folder: Path) -> Sample | None:

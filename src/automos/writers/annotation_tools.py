@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.atomic import atomic_path, write_text
+from automos.core.atomic import atomic_path, write_json, write_text
 from automos.core.geometry import quaternion_of
 from automos.core.labels import Label
 from automos.core.scan import Mask
@@ -47,7 +47,7 @@ def _write_sustech(run: RunFiles, out: Path) -> None:
             }
             for box in run.boxes_upright(index)
         ]
-        write_text(out / "label" / f"{name}.json", json.dumps(boxes))
+        write_json(out / "label" / f"{name}.json", boxes)
 
 
 def _placed(box: Box, **called: str) -> dict[str, dict[str, float]]:
@@ -84,11 +84,11 @@ def _write_supervisely(run: RunFiles, out: Path) -> None:
         {"title": title, "shape": "cuboid_3d", "color": color, "geometry_config": {}, "hotkey": ""}
         for title, color in _COLORS.items()
     ]
-    write_text(out / "meta.json", json.dumps({"classes": classes, "tags": [], "projectType": "point_cloud_episodes"}))
-    write_text(out / "key_id_map.json", json.dumps({"tags": {}, "objects": {}, "figures": {}, "videos": {}}))
-    write_text(episode / "annotation.json", json.dumps(annotation))
+    write_json(out / "meta.json", {"classes": classes, "tags": [], "projectType": "point_cloud_episodes"})
+    write_json(out / "key_id_map.json", {"tags": {}, "objects": {}, "figures": {}, "videos": {}})
+    write_json(episode / "annotation.json", annotation)
     cloud_of = {str(index): f"{name}.pcd" for index, name in enumerate(run.names)}
-    write_text(episode / "frame_pointcloud_map.json", json.dumps(cloud_of))
+    write_json(episode / "frame_pointcloud_map.json", cloud_of)
 
 
 def _figures(run: RunFiles, index: int) -> list[dict[str, Any]]:
@@ -170,10 +170,10 @@ def _write_segments(run: RunFiles, out: Path) -> None:
             cuboids.append({"format_version": "0.2", "timestamp": timestamp, "annotations": _cuboids(run, index)})
             segmentation.write((", " if index else "") + json.dumps(_segmentation(run, index, is_finite, loose)))
         segmentation.write("]}")
-    write_text(out / "sample.json", json.dumps({"frames": samples}))
-    write_text(out / "cuboids.json", json.dumps({"format_version": "0.2", "frames": cuboids}))
+    write_json(out / "sample.json", {"frames": samples})
+    write_json(out / "cuboids.json", {"format_version": "0.2", "frames": cuboids})
     categories = [{"id": number, "name": verdict, "has_instances": True} for verdict, number in _CATEGORIES.items()]
-    write_text(out / "categories.json", json.dumps({"format_version": "0.1", "categories": categories}, indent=1))
+    write_json(out / "categories.json", {"format_version": "0.1", "categories": categories}, indent=1)
 
 
 def _cuboids(run: RunFiles, index: int) -> list[dict[str, Any]]:

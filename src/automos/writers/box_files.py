@@ -11,14 +11,13 @@ at an empty file of labels: scans in which nothing moves are not listed. MMDetec
 as it does for LiDAR boxes unless another origin is named; `track_id` says which are one object.
 """
 
-import json
 import pickle
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from automos.core.atomic import write_bytes, write_npy, write_raw, write_text
+from automos.core.atomic import write_bytes, write_json, write_npy, write_raw, write_text
 from automos.core.claims import SIGN
 from automos.core.geometry import inverse, make_transform, transform
 from automos.results.run_files import RunFiles
@@ -48,7 +47,7 @@ def _write_nuscenes(run: RunFiles, out: Path) -> None:
             for k, box in enumerate(found)
         ]
     uses = {f"use_{sensor}": sensor == "lidar" for sensor in ("camera", "lidar", "radar", "map", "external")}
-    write_text(out, json.dumps({"meta": {**uses, "comment": SIGN.decode()}, "results": results}))
+    write_json(out, {"meta": {**uses, "comment": SIGN.decode()}, "results": results})
 
 
 _WORLD, _SENSOR = "world", "lidar"
@@ -86,7 +85,7 @@ def _write_openlabel(run: RunFiles, out: Path) -> None:
         "frames": frames,
         "objects": {str(track): _object(track, scans, *tracks[track]) for track, scans in seen.items()},
     }
-    write_text(out, json.dumps({"openlabel": content}))
+    write_json(out, {"openlabel": content})
 
 
 def _object(track: int, scans: list[int], verdict: str, confidence: float) -> dict[str, Any]:

@@ -1,6 +1,5 @@
 """Merges corrections made in another tool into a run's results: new labels and tracks, and a count of changes."""
 
-import json
 import os
 import shutil
 from collections import Counter
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.atomic import atomic_path, held, remove_parts, write_raw, write_text
+from automos.core.atomic import atomic_path, held, remove_parts, write_json, write_raw
 from automos.core.claims import remove
 from automos.core.errors import InputError
 from automos.core.label_files import pack, read_labels, to_mos
@@ -81,8 +80,8 @@ def merge(run: RunFiles, corrected: Path, out: Path) -> Merged:
         _copy_beside(run, out)
         merged, counts = _write_labels(run, corrected if has_labels else None, edits, out)
         tracks = _tracks(run, edits)
-        write_text(out / "tracks.json", json.dumps(tracks))
-        write_text(out / "merge.json", json.dumps({"corrected": str(corrected), **vars(merged)}, indent=1))
+        write_json(out / "tracks.json", tracks)
+        write_json(out / "merge.json", {"corrected": str(corrected), **vars(merged)}, indent=1)
         about = Workspace(run.folder).read_run()
         if about:
             n_moving = sum(track["verdict"] == "moving" for track in tracks["tracks"])

@@ -4,7 +4,6 @@ The world is the level frame: z up, the ground under the first scan at 0. The se
 sample. Boxes are of what moves. Tables have what TIER IV's T4 asks for beside, which the devkit leaves alone.
 """
 
-import json
 from collections import defaultdict
 from collections.abc import Callable
 from functools import partial
@@ -13,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from automos.core.atomic import atomic_path, write_raw, write_text
+from automos.core.atomic import atomic_path, write_json, write_raw
 from automos.core.labels import Label
 from automos.core.scan import Pose
 from automos.results.run_files import RunFiles
@@ -66,7 +65,7 @@ def _write(layout: Layout, run: RunFiles, out: Path) -> None:
     with atomic_path(out / "maps" / "empty.png") as temporary:  # a map on which nothing is: the devkit asks for one
         Image.new("L", (1, 1)).save(temporary, "PNG")
     for table, rows in tables.items():
-        write_text(out / layout.tables / f"{table}.json", json.dumps(rows, indent=0))
+        write_json(out / layout.tables / f"{table}.json", rows, indent=0)
 
 
 def _fixed_tables(run: RunFiles, name: Name, layout: Layout) -> Tables:

@@ -11,7 +11,6 @@ It is of recordings whose cameras are read, which are KITTI's raw drives. The ve
 frame. Masks of the sky come from programs of its own.
 """
 
-import json
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.atomic import atomic_path, write_raw, write_text
+from automos.core.atomic import atomic_path, write_json, write_raw, write_text
 from automos.core.errors import InputError
 from automos.core.geometry import inverse, make_transform, se3_exp, transform
 from automos.core.labels import Label
@@ -160,8 +159,8 @@ def _write_drivestudio(run: RunFiles, out: Path) -> None:
             for column, value in zip(entry["frame_annotations"].values(), values, strict=True):
                 column.append(value)
         frames[str(index)] = [number_of[box.id] for box in moving]
-    write_text(out / "instances" / "instances_info.json", json.dumps(objects))
-    write_text(out / "instances" / "frame_instances.json", json.dumps(frames))
+    write_json(out / "instances" / "instances_info.json", objects)
+    write_json(out / "instances" / "frame_instances.json", frames)
 
 
 def _write_camera(drive: KittiRawSequence, number: int, out: Path, name: int) -> tuple[int, Pose, npt.NDArray]:

@@ -7,7 +7,6 @@
 Results that exist and were made with the same settings are kept. Labels of other programs can be compared, too.
 """
 
-import json
 import os
 import shutil
 from collections.abc import Mapping
@@ -21,7 +20,7 @@ import numpy.typing as npt
 
 from automos.baselines.comparison.cost import Cost, Effort, read_cost
 from automos.baselines.methods import NEEDS_FUTURE, TITLES, label_scans, published
-from automos.core.atomic import write_raw, write_text
+from automos.core.atomic import write_json, write_raw
 from automos.core.claims import METHODS, SCRATCH, claim, remove
 from automos.core.errors import InputError
 from automos.core.label_files import read_labels, to_mos
@@ -144,7 +143,7 @@ class MethodRuns:
             else:
                 runs = [replace(_run(*task), memory=[float("nan")])]
             cost = Cost(*(list(chain(*parts)) for parts in zip(*(asdict(run).values() for run in runs), strict=True)))
-            write_text(file, json.dumps({"key": key, **asdict(cost)}))
+            write_json(file, {"key": key, **asdict(cost)})
             self._progress(method, len(self.sequence), len(self.sequence))
         return cost
 
