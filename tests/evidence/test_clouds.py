@@ -51,7 +51,7 @@ def look_at_street(weather: str, sensor: str) -> tuple[Frame, Seen, np.ndarray]:
     recording = record("city", sensor, 4, 5, conditions=Conditions(weather=weather))
     settings = load_settings("default")
     frames, about = Steps(recording, settings, recording.reference_poses, workers=1).frames, settings.candidates
-    lidars = learn_lidars(frames, [frames[0], frames[3]], about, 1)
+    lidars = learn_lidars([frames[0], frames[3]])
     ground = map_ground(frames[2].points_level, frames[2].origin_level, about.ground)
     return frames[2], look(frames[2], lidars, ground, about.ground), (recording.truth(2)[frames[2].kept] & 0xFFFF) == 1
 

@@ -22,7 +22,7 @@ def lidar_of(frames, sample):
     """The LiDAR as learnt from the frames `sample`, with the body that all frames show."""
     pattern = learn_pattern([frames[i] for i in sample])
     lidar = Lidar(0, np.eye(4), pattern)
-    return replace(lidar, body=find_ego_body(frames, lidar, CandidatesSettings()))
+    return replace(lidar, body=find_ego_body(frames, frames.T_level_sensor, lidar, CandidatesSettings()))
 
 
 def ground_of(frame):

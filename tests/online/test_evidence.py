@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from free_space_worlds import ListFrames, watch, within
+from free_space_worlds import watch, within
 from worlds import Block, van
 
 from automos.core.geometry import make_transform
@@ -31,7 +31,7 @@ def off_by(metres):
 
 def moved(frames, block, doubt):
     """The share of the points on `block` in the last scan that has moved, and how many these are."""
-    lidars = learn_lidars(ListFrames(frames), [frames[k] for k in range(0, LAST, 3)], ABOUT, 1)
+    lidars = learn_lidars([frames[k] for k in range(0, LAST, 3)])
     window = EvidenceWindow(ABOUT.free_space)
     for frame in frames:
         seen = look(frame, lidars, ground_of(frame, ABOUT.ground), ABOUT.ground)

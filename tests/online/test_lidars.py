@@ -60,8 +60,8 @@ def test_a_search_for_the_body_on_outdated_poses_is_dropped_and_the_next_is_not_
     searched = []
 
     def found(now, frames, *_):
-        searched.append(frames.stamps[0])
-        return [replace(lidar, body=frames.stamps[0]) for lidar in now]
+        searched.append(frames[0].stamp)
+        return [replace(lidar, body=frames[0].stamp) for lidar in now]
 
     monkeypatch.setattr(sighting, "with_body", found)
     learner = LidarLearner(SETTINGS)

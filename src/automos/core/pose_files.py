@@ -83,7 +83,7 @@ def read_poses(
 def read_calib(path: str | Path) -> Pose:
     """Return (4, 4) float64 `T_camera_sensor` from a KITTI calibration file, its line `Tr:` (or `Tr_velo_to_cam:`)."""
     path = Path(path)
-    for number, line in enumerate(_read_text(path).splitlines(), start=1):
+    for number, line in enumerate(text_of(path).splitlines(), start=1):
         key, *values = line.replace(":", " ").split() or [""]
         if key in ("Tr", "Tr_velo_to_cam", "Tr_velo_cam"):
             row = _parse(values, number, path)
@@ -93,11 +93,12 @@ def read_calib(path: str | Path) -> Pose:
     raise InputError(f"{path} has no line 'Tr:' with the sensor's place in the camera frame; add it or remove the file")
 
 
-def _read_text(path: Path) -> str:
+def text_of(path: Path, if_missing: str = "does not exist; check the path") -> str:
+    """Return the text of a file; InputError, with `if_missing` where it is absent."""
     try:
         return read_text(path)
     except FileNotFoundError:
-        raise InputError(f"{path} does not exist; check the path") from None
+        raise InputError(f"{path} {if_missing}") from None
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path} cannot be read as text: {error}") from None
 
@@ -113,7 +114,7 @@ def _read_numbers(path: Path) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.i
     """Return the file's (L, C) numbers and each row's line number."""
     rows: list[npt.NDArray[np.float64]] = []
     line_numbers: list[int] = []
-    for number, line in enumerate(_read_text(path).splitlines(), start=1):
+    for number, line in enumerate(text_of(path).splitlines(), start=1):
         words = line.replace(",", " ").split()
         if not words or words[0].startswith("#"):
             continue

@@ -17,12 +17,12 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.arrays import evenly_spread
+from automos.core.arrays import Items, evenly_spread
 from automos.core.beam_pattern import BeamPattern, EgoBody, Lidar, directions
 from automos.core.directions import last_looks, motion_of, raw_points
 from automos.core.geometry import Array, inverse, se3_log, transform
 from automos.core.range_image import NO_RAY, UNIT, RangeImage, make_image, over_neighbours, project
-from automos.core.scan import Frame, Frames, Mask, Points
+from automos.core.scan import Frame, Mask, Points, Pose
 from automos.evidence.ground import find_ground
 from automos.evidence.look_through import EDGE, HIT, look_through, tolerances_of
 from automos.evidence.on_body import cells_within, extent_in, extent_in_most, parts_of
@@ -48,9 +48,14 @@ _WORLD_SHARE = 0.05  # share of hits among the reports above which a cell is wor
 _LEAST_SHARE = 0.02  # share of free-space observations among the reports; fewer may be due to errors of the poses
 
 
-def find_ego_body(frames: Frames, lidar: Lidar, settings: CandidatesSettings, threads: int = 2) -> EgoBody | None:
-    """Return the ego body that `frames` show for one `lidar`, None if there is none or too little motion to find it."""
-    T_level_sensor, max_range = frames.T_level_sensor @ lidar.T_scan_sensor, settings.ego_body.max_range
+def find_ego_body(
+    frames: Items[Frame], T_level_scan: Pose, lidar: Lidar, settings: CandidatesSettings, threads: int = 2
+) -> EgoBody | None:
+    """Return the ego body that `frames` at the poses `T_level_scan` (N, 4, 4) show for one `lidar`.
+
+    None if there is none or too little motion to find it.
+    """
+    T_level_sensor, max_range = T_level_scan @ lidar.T_scan_sensor, settings.ego_body.max_range
     scans = _scans_apart(T_level_sensor)
     if len(scans) < MIN_SCANS:
         return None

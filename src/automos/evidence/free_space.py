@@ -24,7 +24,7 @@ from automos.core.range_image import RangeImage
 from automos.core.scan import Frames, Mask
 from automos.evidence.height_map import GroundMap
 from automos.evidence.look_through import look_through, tolerances_of
-from automos.evidence.observations import Seen, View, ground_of, learn_lidars, look
+from automos.evidence.observations import Seen, View, ground_of, learn_lidars, look, with_body
 from automos.evidence.steady_ground import SCANS_BEFORE, mended
 from automos.evidence.votes import Votes, count_hits, sum_votes, weigh_looks
 from automos.settings import CandidatesSettings, FreeSpaceSettings
@@ -49,7 +49,8 @@ class FreeSpace:
         """
         self.threads, self.frames, self.settings = threads, frames, settings
         self.stamps = np.asarray(stamps, np.float64)
-        self.lidars = learn_lidars(frames, evenly_spread(frames, PATTERN_SCANS), settings, threads)
+        lidars = learn_lidars(evenly_spread(frames, PATTERN_SCANS))
+        self.lidars = with_body(lidars, frames, frames.T_level_sensor, settings, threads)
         steps = np.floor(self.stamps / settings.free_space.far_step)
         self._is_far_partner = np.concatenate([[True], np.diff(steps) > 0])
 

@@ -17,11 +17,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.arrays import Items
 from automos.core.beam_pattern import Lidar, learn_pattern
 from automos.core.directions import last_looks, motion_of, raw_points
 from automos.core.kernels import kernel
 from automos.core.range_image import RangeImage, find_neighbours, make_image, project
-from automos.core.scan import EGO_BODY, GROUND, OBJECT, SPECK, Frame, Frames, Mask, Points, Pose
+from automos.core.scan import EGO_BODY, GROUND, OBJECT, SPECK, Frame, Mask, Points, Pose
 from automos.evidence.ego_body import find_ego_body
 from automos.evidence.ground import map_ground
 from automos.evidence.height_map import GroundMap, above_ground
@@ -114,16 +115,17 @@ class Seen:
         return replace(self, views=views)
 
 
-def learn_lidars(frames: Frames, sample: list[Frame], settings: CandidatesSettings, threads: int) -> list[Lidar]:
-    """Return the LiDARs in the order of their numbers; patterns are learnt from `sample`, a few of `frames`."""
+def learn_lidars(sample: list[Frame]) -> list[Lidar]:
+    """Return the LiDARs in the order of their numbers, with the patterns that a few frames show, and no bodies yet."""
     mounts = next((frame.T_scan_sensor for frame in sample if frame.T_scan_sensor is not None), [np.eye(4)])
-    lidars = [Lidar(k, T, learn_pattern([frame.of_sensor(k)[1] for frame in sample])) for k, T in enumerate(mounts)]
-    return with_body(lidars, frames, settings, threads)
+    return [Lidar(k, T, learn_pattern([frame.of_sensor(k)[1] for frame in sample])) for k, T in enumerate(mounts)]
 
 
-def with_body(lidars: list[Lidar], frames: Frames, settings: CandidatesSettings, threads: int) -> list[Lidar]:
-    """Return `lidars` with the ego body that `frames` show for each of them."""
-    return [replace(lidar, body=find_ego_body(frames, lidar, settings, threads)) for lidar in lidars]
+def with_body(
+    lidars: list[Lidar], frames: Items[Frame], T_level_sensor: Pose, settings: CandidatesSettings, threads: int
+) -> list[Lidar]:
+    """Return `lidars` with the ego body that `frames` at the poses `T_level_sensor` (N, 4, 4) show for each of them."""
+    return [replace(lidar, body=find_ego_body(frames, T_level_sensor, lidar, settings, threads)) for lidar in lidars]
 
 
 def ground_of(frame: Frame, settings: GroundSettings) -> GroundMap:

@@ -10,7 +10,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.core.beam_pattern import Lidar, is_known, learn_pattern
 from automos.core.geometry import Array, inverse, turn_and_shift
@@ -49,7 +48,7 @@ class LidarLearner:
         """Take the next frame."""
         if not self.lidars:
             if len(frame.points) >= PATTERN_POINTS:
-                self.lidars = learn_lidars(_FewFrames([frame]), [frame], self._settings, 1)
+                self.lidars = learn_lidars([frame])
             return
         found = self._task.result(frame.stamp)
         if found is not None:
@@ -62,9 +61,10 @@ class LidarLearner:
         self._apart.append(replace(frame))  # a copy without cached results
         is_first = self._distance == self._shortest
         if len(self._apart) == (MIN_SCANS + 1 if is_first else MOST_SCANS) and not self._task.is_started:
-            frames, lidars = _FewFrames(self._apart), self.lidars
+            frames, lidars = list(self._apart), self.lidars
+            poses = np.array([frame.T_level_sensor for frame in frames])
             self._task = BackgroundTask(self._beside, DELAY if is_first else 2.0 * DELAY)
-            self._task.start(lambda: with_body(lidars, frames, self._settings, 1), frame.stamp)
+            self._task.start(lambda: with_body(lidars, frames, poses, self._settings, 1), frame.stamp)
         if len(self._apart) == MOST_SCANS:
             self._apart, self._distance = self._apart[::2], 2.0 * self._distance
 
@@ -84,27 +84,6 @@ def _with_bodies(lidars: list[Lidar], found: list[Lidar]) -> list[Lidar]:
     """Return `lidars` with the bodies `found`, except where these are in a grid that was replaced since."""
     pairs = zip(lidars, found, strict=True)
     return [replace(now, body=then.body) if now.pattern is then.pattern else now for now, then in pairs]
-
-
-class _FewFrames:
-    """Frames in memory with the interface of a recording's frames."""
-
-    def __init__(self, frames: list[Frame]):
-        self._frames = list(frames)
-
-    @property
-    def T_level_sensor(self) -> Pose:
-        return np.array([frame.T_level_sensor for frame in self._frames])
-
-    @property
-    def stamps(self) -> npt.NDArray[np.float64]:
-        return np.array([frame.stamp for frame in self._frames])
-
-    def __len__(self) -> int:
-        return len(self._frames)
-
-    def __getitem__(self, index: int) -> Frame:
-        return self._frames[index]
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from automos.core.errors import InputError
 from automos.core.geometry import FARTHEST, make_transform, transform
 from automos.core.labels import Label
-from automos.core.reading import read_text
+from automos.core.pose_files import text_of
 from automos.core.scan import Points, Pose, Scan
 from automos.core.upright_boxes import Boxes
 from automos.readers.box_truth import DrawnBoxes, DrawnTruth, centers_in_world, judge_boxes
@@ -34,12 +34,7 @@ class Calibration:
 
     def __init__(self, path: Path):
         """Read it; InputError where it is absent or cannot be read."""
-        try:
-            lines = read_text(path).splitlines()
-        except FileNotFoundError:
-            raise InputError(f"{path} is missing; download the calibration that belongs to the recording") from None
-        except (OSError, UnicodeDecodeError) as error:
-            raise InputError(f"{path} cannot be read as text: {error}") from None
+        lines = text_of(path, "is missing; download the calibration that belongs to the recording").splitlines()
         self._path, self._rows = path, dict[str, npt.NDArray[np.float64]]()
         for line in lines:
             name, *words = line.replace(":", " ", 1).split() or [""]
