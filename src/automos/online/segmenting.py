@@ -27,15 +27,28 @@ from automos.online.sighting import Sighting, Sightings
 from automos.settings import Settings
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class SegmentedScan:
-    """A scan whose lag has passed: its points, and the arrays of the stages before the tracker, None if unavailable."""
+    """A scan: its points, and the arrays of the stages before the tracker, None if unavailable.
+
+    It is held until it is returned and its evidence is complete; what follows after `segments` is of that time.
+    """
 
     number: int
     stamp: float
     frame: Frame
-    about: Arrays | None
-    segments: Arrays | None
+    about: Arrays | None = None
+    segments: Arrays | None = None
+    seen: Seen | None = None
+    n_compared: int = 0
+    is_settled: bool = False
+    is_half_grown: bool = False
+    T_moved: Pose = field(default_factory=partial(np.eye, 4))  # of its places, since its segments were found
+
+    def found(self, is_far: bool) -> Found:
+        """Return its segments, with whether it was compared with scans a second or more away."""
+        segments = Detections.from_arrays(self.segments or {}).moved(self.T_moved)
+        return Found(self.stamp, segments, is_far, self.frame.origin_level)
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,27 +76,6 @@ class Segmented:
     moved: dict[float, Pose] = field(default_factory=dict)
 
 
-@dataclass(eq=False)
-class _Held:
-    """A scan that was not returned yet, or whose evidence is not complete."""
-
-    number: int
-    stamp: float
-    frame: Frame
-    seen: Seen | None = None
-    about: Arrays | None = None
-    segments: Arrays | None = None
-    n_compared: int = 0
-    is_settled: bool = False
-    is_half_grown: bool = False
-    T_moved: Pose = field(default_factory=partial(np.eye, 4))  # of its places, since its segments were found
-
-    def found(self, is_far: bool) -> Found:
-        """Return its segments, with whether it was compared with scans a second or more away."""
-        segments = Detections.from_arrays(self.segments or {}).moved(self.T_moved)
-        return Found(self.stamp, segments, is_far, self.frame.origin_level)
-
-
 class Segmenting:
     """The evidence and the segments of a stream of scans."""
 
@@ -93,9 +85,9 @@ class Segmenting:
         self._settle = min(lag, GROWN)
         self._window = EvidenceWindow(settings.candidates.free_space)
         self._renewal = Renewal(settings.candidates.ground, pool)
-        self._held: deque[_Held] = deque()
-        self._growing: deque[_Held] = deque()
-        self._doubted: deque[_Held] = deque()
+        self._held: deque[SegmentedScan] = deque()
+        self._growing: deque[SegmentedScan] = deque()
+        self._doubted: deque[SegmentedScan] = deque()
         self._start = np.inf
         self._lidars: list[Lidar] = []
 
@@ -106,7 +98,7 @@ class Segmenting:
         self._start = min(self._start, sighted.stamp)
         moved = self._renew(sighted)
         self._place(sighted.refined)
-        held = _Held(number, sighted.stamp, sighted.frame, sighted.seen)
+        held = SegmentedScan(number, sighted.stamp, sighted.frame, seen=sighted.seen)
         self._held.append(held)
         self._lidars = sighted.lidars
         if held.seen is not None:
@@ -175,7 +167,7 @@ class Segmenting:
             renewed += self._start_update(held, self._is_far(held))
         return renewed
 
-    def _start_update(self, held: _Held, is_far: bool) -> list[Future[Found]]:
+    def _start_update(self, held: SegmentedScan, is_far: bool) -> list[Future[Found]]:
         if held.seen is None or held.segments is None:
             return []
         compare, found = self._window.comparison(held.stamp, held.seen), held.found(is_far)
@@ -186,11 +178,11 @@ class Segmenting:
 
         return [self._pool.submit(recounted)]
 
-    def _is_far(self, held: _Held) -> bool:
+    def _is_far(self, held: SegmentedScan) -> bool:
         """Whether a scan is compared with scans a second or more away."""
         return self._settle > 0.0 or held.stamp - self._start >= GROWN
 
-    def _find_segments(self, held: _Held) -> None:
+    def _find_segments(self, held: SegmentedScan) -> None:
         """Compute the scan's evidence and segments from all scans in the window."""
         if held.seen is None:
             return
@@ -207,11 +199,11 @@ class Segmenting:
         due = []
         while self._held and self._held[0].stamp <= now - self._lag + 1e-6:
             held = self._held.popleft()
-            due.append(SegmentedScan(held.number, held.stamp, held.frame, held.about, held.segments))
+            due.append(replace(held))  # a copy: while it is painted, its evidence may grow
         self._window.forget(min([now, *(held.stamp for held in (*self._held, *self._growing))]))
         return Segmented(renewed, settled, ahead, due)
 
-    def _settled(self, held: _Held, now: float) -> list[Found]:
+    def _settled(self, held: SegmentedScan, now: float) -> list[Found]:
         """Return the segments of a scan once they are final, recomputed with later scans if there is a lag."""
         if held.stamp > now - self._settle + 1e-6:
             return []
