@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from array import array
 from collections.abc import Iterator
@@ -13,10 +14,11 @@ from typing import Any
 import numpy as np
 
 from automos import __version__
+from automos.core.atomic import write_text
 from automos.core.geometry import inverse
-from automos.core.run import Progress, silent
+from automos.core.run import Progress
 from automos.core.scan import Scan, Sequence
-from automos.core.workspace import write_run
+from automos.core.workspace import RUN_FILE
 from automos.labeler import Labeler, LabelledScan
 from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.trajectory import Trajectory
@@ -28,7 +30,7 @@ from automos.settings import Settings
 
 
 def segment_recording(
-    sequence: Sequence, folder: Path, settings: Settings, lag: float = 0.0, progress: Progress = silent
+    sequence: Sequence, folder: Path, settings: Settings, lag: float = 0.0, progress: Progress | None = None
 ) -> dict[str, Any]:
     """Label every scan of `sequence` with a lag of `lag` seconds; return the contents of run.json.
 
@@ -47,7 +49,8 @@ def segment_recording(
             start = time.perf_counter()
             for given in done:
                 writer.write(given)
-            progress("segment", i + 1, len(sequence))
+            if progress is not None:
+                progress("segment", i + 1, len(sequence))
         for given in labeler.finish():
             writer.write(given)
         median, p99 = np.percentile(milliseconds, [50, 99]).round(2).tolist()
@@ -105,7 +108,7 @@ class ResultsWriter:
         write_tables(self._folder, trajectory, self._settings, self._written, self._entries())
         tracks = {"total": len(self._objects), "moving": len(self._objects)}
         run = {**note, "points": self._counts, "tracks": tracks, "versions": {"automos": __version__}}
-        write_run(self._folder, run)
+        write_text(self._folder / RUN_FILE, json.dumps(run, indent=1))
         return run
 
     def _entries(self) -> Iterator[dict[str, Any]]:

@@ -29,7 +29,6 @@ import numpy.typing as npt
 from scipy.special import expit, logit
 
 from automos.core.column_data import ColumnData
-from automos.core.geometry import Array
 from automos.core.scan import Mask
 from automos.objects.face_paths import path_terms, way_beyond
 from automos.objects.kinds import EXTENT, Kind
@@ -39,6 +38,8 @@ from automos.objects.states import later, state_probabilities
 from automos.objects.terms import CHANCE, Segments, SegmentTerms, doubted, log_ratio_of_shares
 from automos.objects.tracks import Tracks
 from automos.objects.verdict import Verdict, Verdicts
+
+Array = npt.NDArray[np.float64]
 
 BEGIN, END = 0.003, 0.02  # changes of state per second
 UNSTEADY = -0.8  # log-odds of moving per look, per unit of the heights' unsteadiness

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.geometry import Array
 from automos.core.kernels import kernel
 
+Array = npt.NDArray[np.float64]
 LOOK = 1.7  # seconds within which scans say the same
 MEMORY = 8.0
 """Seconds of a track that count scan by scan; a stream keeps as many of it, or its lag if that is longer."""

@@ -19,9 +19,10 @@ import numpy.typing as npt
 from scipy.special import gammaln
 
 from automos.core.column_data import ColumnData
-from automos.core.geometry import Array
 from automos.objects.detections import Detections
 from automos.objects.tracks import Tracks
+
+Array = npt.NDArray[np.float64]
 
 MOVED, STAYED = (1.02, 0.49, 0.455), (0.18, 0.98, 0.455)
 """Dirichlet distributions of the shares of moved, stayed and unknown points in a scan: of a mover in motion, and of a
