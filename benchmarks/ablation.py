@@ -26,7 +26,7 @@ NEVER = 1e9
 
 
 def no_clouds(points: Points, is_between: npt.NDArray, is_object: Mask) -> Mask:
-    """Return (M,) that no point is in a cloud, as `automos.evidence.observations.in_clouds` does without any."""
+    """Return (M,) that no point is in a cloud, as `automos.evidence.clouds.in_clouds` does where there is none."""
     return np.zeros(len(points), np.bool_)
 
 

@@ -7,8 +7,9 @@ from automos import load_settings
 from automos.core.directions import raw_points
 from automos.core.range_image import UNIT, locate
 from automos.core.scan import GROUND, OBJECT, SPECK, Frame
+from automos.evidence.clouds import MIN_POINTS, in_clouds
 from automos.evidence.ground import map_ground
-from automos.evidence.observations import MIN_POINTS, Seen, in_clouds, learn_lidars, look
+from automos.evidence.observations import Seen, learn_lidars, look
 from automos.pipeline import Steps
 from automos.simulation import Conditions, record
 

@@ -14,9 +14,9 @@ from automos.core.scan import GROUND, OBJECT, Scan
 from automos.core.upright_boxes import iou_3d, points_in_boxes
 from automos.core.voxel_map import VoxelMap, rows_of_first_in_voxel
 from automos.evidence import ego_body, on_body, steady_ground, votes
+from automos.evidence.clouds import in_clouds
 from automos.evidence.ground import find_ground
 from automos.evidence.look_through import look_through
-from automos.evidence.observations import in_clouds
 from automos.objects import detect, places
 from automos.objects.boxes import fit_boxes
 from automos.objects.extents import headings

@@ -9,8 +9,8 @@ from automos.core.geometry import make_transform
 from automos.core.scan import Frame
 from automos.evidence.ego_body import MIN_SCANS
 from automos.odometry.background import DELAY
-from automos.online import sighting
-from automos.online.sighting import LidarLearner
+from automos.online import lidars
+from automos.online.lidars import LidarLearner
 
 SETTINGS = load_settings("default").candidates
 MOUNTS = np.stack([np.eye(4), make_transform(np.eye(3), [1.0, 0.0, 0.0])])
@@ -47,7 +47,7 @@ def test_a_lidar_that_begins_late_gets_its_pattern_when_it_has_points():
 
 
 def test_a_body_that_was_found_in_a_grid_is_not_taken_over_into_another(monkeypatch):
-    monkeypatch.setattr(sighting, "with_body", lambda now, *_: [replace(lidar, body=lidar.number) for lidar in now])
+    monkeypatch.setattr(lidars, "with_body", lambda now, *_: [replace(lidar, body=lidar.number) for lidar in now])
     learner = LidarLearner(SETTINGS)
     for k in range(MIN_SCANS + 2):
         learner.add(merged(0.1 * k, 0.2, None))
@@ -63,7 +63,7 @@ def test_a_search_for_the_body_on_outdated_poses_is_dropped_and_the_next_is_not_
         searched.append(frames[0].stamp)
         return [replace(lidar, body=frames[0].stamp) for lidar in now]
 
-    monkeypatch.setattr(sighting, "with_body", found)
+    monkeypatch.setattr(lidars, "with_body", found)
     learner = LidarLearner(SETTINGS)
     for k in range(MIN_SCANS + 2):  # one for the pattern, the others for the body
         learner.add(merged(0.1 * k, 0.2, 0.2))

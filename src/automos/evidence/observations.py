@@ -2,12 +2,6 @@
 
 A scan of one LiDAR has one view. Merged clouds have one for each LiDAR that a scan names, with its own origin and
 pattern; the ground is that of all points together.
-
-Points in clouds of dust, smoke or spray, and in thick leaves, are on no surface: rays end there at random depths. On a
-surface, a ray's neighbours to both sides (left and right, or above and below) end beside it, even at grazing incidence
-and along edges. In a cloud they seldom do. Such points belong to no object: a car that drives through dust would be one
-segment with it, as large as the cloud, of which no motion can be seen. Nor do they report on the places of other scans'
-points: where dust was, a car may pass at any time, and what is behind is observed between them.
 """
 
 from __future__ import annotations
@@ -20,65 +14,14 @@ import numpy.typing as npt
 from automos.core.arrays import Items
 from automos.core.beam_pattern import Lidar, learn_pattern
 from automos.core.directions import last_looks, motion_of, raw_points
-from automos.core.kernels import kernel
 from automos.core.range_image import RangeImage, find_neighbours, make_image, project
-from automos.core.scan import EGO_BODY, GROUND, OBJECT, SPECK, Frame, Mask, Points, Pose
+from automos.core.scan import EGO_BODY, GROUND, OBJECT, SPECK, Frame, Mask, Pose
+from automos.evidence.clouds import in_clouds
 from automos.evidence.ego_body import find_ego_body
 from automos.evidence.ground import map_ground
 from automos.evidence.height_map import GroundMap, above_ground
 from automos.evidence.on_body import is_on_body
 from automos.settings import CandidatesSettings, GroundSettings
-
-MAX_BETWEEN = 0.3
-"""Share of a cell's points that are between two neighbours, up to which the cell is in a cloud. In simulated streets,
-most of the dust is in such cells, and hardly anything solid but what is seen through windows."""
-MIN_POINTS = 50
-"""Points in cells of a cloud that a column holds at least: fewer are a thin object, or too far away to decide."""
-_REACH, _LAYERS = 64, 16
-"""Cells of a metre from the sensor to each side, and above one another; a column has twice their side. Farther away,
-rays are too far apart for a cloud."""
-
-
-@kernel
-def in_clouds(points: Points, is_between: npt.NDArray[np.uint8], is_object: Mask) -> Mask:
-    """Return (M,) which object points of a scan are in clouds.
-
-    points : (M, 3) float, metres, sensor frame.   is_between : (M,) whether rays on both sides ended beside each.
-    """
-    cell_of = np.full(len(points), -1, np.int32)
-    count, between = np.zeros((2, 4 * _REACH * _REACH * _LAYERS), np.int32)
-    for i in range(len(points)):
-        x, y, z = points[i, 0] + _REACH, points[i, 1] + _REACH, points[i, 2] + _LAYERS // 2
-        if is_object[i] and 0 <= x < 2 * _REACH and 0 <= y < 2 * _REACH and 0 <= z < _LAYERS:
-            cell = (int(x) * 2 * _REACH + int(y)) * _LAYERS + int(z)
-            cell_of[i] = cell
-            count[cell] += 1
-            between[cell] += is_between[i] != 0
-    hazy, solid = np.zeros((2, _REACH, _REACH), np.int32)
-    for i in range(len(points)):
-        if cell_of[i] >= 0:
-            x, y = _column_of(cell_of[i])
-            is_hazy = between[cell_of[i]] <= MAX_BETWEEN * count[cell_of[i]]
-            hazy[x, y] += is_hazy
-            solid[x, y] += not is_hazy
-    is_cloud = np.zeros((_REACH, _REACH), np.bool_)
-    for x in range(_REACH):
-        for y in range(_REACH):
-            if hazy[x, y] >= MIN_POINTS:
-                around = (slice(max(x - 1, 0), x + 2), slice(max(y - 1, 0), y + 2))
-                # What is seen through a car's windows is like a cloud, but there is less of it than of the car.
-                is_cloud[x, y] = hazy[around].sum() > 0.5 * solid[around].sum()
-    is_in_cloud = np.zeros(len(points), np.bool_)
-    for i in range(len(points)):
-        if cell_of[i] >= 0 and between[cell_of[i]] <= MAX_BETWEEN * count[cell_of[i]]:
-            is_in_cloud[i] = is_cloud[_column_of(cell_of[i])]
-    return is_in_cloud
-
-
-@kernel
-def _column_of(cell):  # type: ignore[no-untyped-def]
-    x, y = cell // _LAYERS // (2 * _REACH), cell // _LAYERS % (2 * _REACH)
-    return x // 2, y // 2
 
 
 @dataclass(frozen=True, eq=False)
