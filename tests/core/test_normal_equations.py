@@ -30,3 +30,7 @@ def test_free_poses_solve_the_dense_equations_and_fixed_ones_stay(n_fixed, far):
     found = equations.solve()
     np.testing.assert_allclose(found[n_fixed:].ravel(), np.linalg.solve(H[free, free], g[free]), rtol=1e-8, atol=1e-10)
     assert not found[:n_fixed].any()
+
+
+def test_where_all_poses_are_fixed_none_moves():
+    assert not NormalEquations(1, 1, held=0.1).solve().any()

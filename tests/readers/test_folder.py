@@ -25,7 +25,7 @@ def kitti(tmp_path):
         (np.arange(4 * n_points, dtype=np.float32) + 100 * i).tofile(root / "velodyne" / f"{i:06d}.bin")
         np.full(n_points, 251 + (i << 16), np.uint32).tofile(root / "labels" / f"{i:06d}.label")
     poses = np.stack([make_transform(t=[i, 0.5 * i, 0]) for i in range(4)])
-    write_kitti(root / "poses.txt", poses, T_CAMERA_SENSOR)
+    write_kitti(root / "poses.txt", T_CAMERA_SENSOR @ poses @ np.linalg.inv(T_CAMERA_SENSOR))
     numbers = " ".join(f"{v:.9e}" for v in T_CAMERA_SENSOR[:3].ravel())
     (root / "calib.txt").write_text(f"P0: {numbers}\nTr: {numbers}\n")
     (root / "times.txt").write_text("0.0\n0.1\n0.21\n0.3\n")

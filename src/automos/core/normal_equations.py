@@ -51,6 +51,8 @@ class NormalEquations:
         is_free = np.minimum(rows, columns) >= self._n_fixed
         rows, columns, blocks = rows[is_free] - self._n_fixed, columns[is_free] - self._n_fixed, blocks[is_free]
         steps, rhs = np.zeros_like(self._rhs), self._rhs[self._n_fixed :].ravel()
+        if len(rhs) == 0:
+            return steps
         is_upper = rows < columns
         blocks = np.where(is_upper[:, None, None], np.swapaxes(blocks, 1, 2), blocks)
         rows, columns = np.maximum(rows, columns), np.minimum(rows, columns)
