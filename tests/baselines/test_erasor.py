@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from automos.baselines.batches import BatchSize, tiled
-from automos.baselines.erasor import Parameters, find_moving, polar_bins
+from automos.baselines.erasor import Parameters, find_moving
+from automos.baselines.erasor_bins import polar_bins
 from automos.core.geometry import inverse, make_transform, transform
 from automos.core.scan import Frame
 

@@ -5,8 +5,8 @@ import pytest
 from rival_worlds import GROUND, HIDDEN, MOVER, PARKED, WALLS, Yard
 
 from automos.baselines import methods, octomap, pfreundschuh
+from automos.baselines.height_images import HeightImages
 from automos.baselines.methods import BASELINES, published
-from automos.baselines.octomap import HeightImages
 from automos.settings import load_settings
 
 SCANS = range(12, 36)

@@ -7,9 +7,9 @@ import pytest
 from rival_worlds import Yard
 
 from automos.baselines.batches import BatchSize, add_points, cut_batches, labels_of_voxels, scans_at
+from automos.baselines.height_images import HeightImages, find_edges, find_ground
 from automos.baselines.hmm_mos import otsu_threshold
 from automos.baselines.methods import BASELINES
-from automos.baselines.octomap import HeightImages, find_edges, find_ground
 from automos.baselines.range_image import image_shape, nearest_ranges, pixel_of, shortest_around
 from automos.baselines.regions import grow_regions
 from automos.core.errors import MissingExtraError

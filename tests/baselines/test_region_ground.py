@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from automos.baselines.erasor import fit_region_ground
+from automos.baselines.erasor_bins import fit_region_ground
 
 R_GPF = {"seed_height": 0.5, "n_skipped": 5, "n_lowest": 20, "n_iterations": 3, "distance": 0.25}
 

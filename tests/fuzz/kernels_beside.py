@@ -8,6 +8,7 @@ from hostile_floats import make_frame
 
 from automos.baselines import (
     depth_images,
+    height_images,
     hmm_mos,
     m_detector,
     occlusion_tests,
@@ -17,7 +18,7 @@ from automos.baselines import (
     yoon,
 )
 from automos.baselines.brick_grid import BrickGrid
-from automos.network import images, online, projection
+from automos.network import cleanup, images, projection
 from automos.readers import lzf
 from automos.readers import range_image as waymo_image
 from automos.readers.packets import pcap, sweeps
@@ -34,7 +35,7 @@ def _baselines(points: np.ndarray) -> None:
     grid.pass_lines(np.zeros(3), grid.indices()[ids[ids >= 0]], 1, passed)
     grid.squared_steps(ids[ids >= 0], grid.indices(), 1)
     octomap._update(points[:, 0].copy(), ids, ids, 0, 0.1, -0.1, -2.0, 2.0)
-    octomap.find_ground(points, octomap.HeightImages(reach=4.0))
+    height_images.find_ground(points, height_images.HeightImages(reach=4.0))
     shape = range_image.image_shape(2.0, 4.0, -60.0, 60.0)
     seen = range_image.nearest_ranges(points, shape)
     range_image.shortest_around(seen, 1, 1)
@@ -86,7 +87,7 @@ def _network(points: np.ndarray) -> None:
         images.residual_images(now, [points], np.stack([np.eye(4)]), grid)
         images.residual_images(now, [points], np.resize(points, (1, 4, 4)), grid)
         image = SimpleNamespace(pixels=pixels, ranges=ranges, channels=np.stack([now]), index=index)
-        online.vote(image, np.resize(points[:, 1], (16, 64)))
+        cleanup.vote(image, np.resize(points[:, 1], (16, 64)))
 
 
 def _datasets(points: np.ndarray) -> None:

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from hostile_floats import SETTINGS, make_boxes, make_frame, make_pattern, make_tracks
 
-from automos.baselines import erasor
-from automos.baselines.erasor import fit_region_ground
+from automos.baselines import erasor, erasor_bins
+from automos.baselines.erasor_bins import fit_region_ground
 from automos.core import covariances, directions
 from automos.core.geometry import transform
 from automos.core.range_image import find_neighbours, make_image, project
@@ -68,12 +68,12 @@ def _ego_body(points: np.ndarray) -> None:
 
 def _erasor(points: np.ndarray) -> None:
     n = len(points)
-    erasor.polar_bins(points, erasor.Parameters(min_height=-1.0))
+    erasor_bins.polar_bins(points, erasor.Parameters(min_height=-1.0))
     ids, is_alive, scanned = np.arange(n), np.ones(n, bool), np.full(n, -1, np.int32)
     for version in (2, 3):
         parameters = erasor.Parameters(version=version, min_points=1)
         scan_ids = ids.astype(np.int32)
-        erasor.compare_bins(ids, points, is_alive, scanned, np.int32(1), points[::-1].copy(), scan_ids, parameters)
+        erasor_bins.compare_bins(ids, points, is_alive, scanned, np.int32(1), points[::-1].copy(), scan_ids, parameters)
     fit_region_ground(points, 0.5, 2, 20, 3, 0.15)
     voxels = VoxelMap(0.2, points[0])
     voxels.add(points)

@@ -1,8 +1,8 @@
 import numpy as np
 from grids import even_grid
 
+from automos.network.cleanup import vote
 from automos.network.images import RangeImage, Window, make_image
-from automos.network.online import vote
 
 GRID = even_grid(16, 64, 10, -10)
 

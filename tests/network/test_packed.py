@@ -9,9 +9,9 @@ from worlds import street
 
 from automos.network.augmentation import Change, apply_change
 from automos.network.images import make_image
+from automos.network.packed import PackedSamples, pack
 from automos.network.recordings import Source, open_labelled
 from automos.network.samples import TrainingSamples, ValidationSamples
-from automos.network.train import PackedSamples, pack
 
 
 def quiet(name: str, done: int, total: int) -> None:
@@ -47,7 +47,7 @@ def test_neighbouring_scans_are_packed_together(recordings):
 def test_packing_goes_on_after_a_stop_and_begins_again_where_something_else_is_asked_for(
     recordings, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr("automos.network.train._AT_ONCE", 2)
+    monkeypatch.setattr("automos.network.packed._AT_ONCE", 2)
     drawn = ValidationSamples(recordings, settings().network)
 
     def stop(name: str, done: int, total: int) -> None:

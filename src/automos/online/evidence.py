@@ -1,22 +1,18 @@
-"""Free-space evidence between the scans of the last seconds.
-
-While a corrected path catches up, the observations of earlier scans are computed anew, a few at a time.
-"""
+"""Free-space evidence between the scans of the last seconds."""
 
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.beam_pattern import Lidar
 from automos.core.geometry import Array, inverse
-from automos.core.scan import Frame, Pose
+from automos.core.scan import Pose
 from automos.evidence.free_space import SPAN_TOLERANCE, ask, partners_of
-from automos.evidence.observations import Seen, View, ground_of, look
-from automos.settings import FreeSpaceSettings, GroundSettings
+from automos.evidence.observations import Seen, View
+from automos.settings import FreeSpaceSettings
 
 SURE = 4.0
 """Poses are off by less than so many times what the last one was refined by."""
@@ -102,31 +98,3 @@ def as_partner(seen: Seen) -> Seen:
 def _without_points(view: View) -> View:
     nobody = np.zeros(0, np.bool_)
     return replace(view, rows=slice(0), is_object=nobody, is_supported=nobody, objects=np.zeros((3, 0), np.float32))
-
-
-class Renewal:
-    """Earlier scans at the poses of the new path, in the current level frame until `take_over`."""
-
-    def __init__(self, ground: GroundSettings, pool: ThreadPoolExecutor):
-        self._ground, self._pool = ground, pool
-        self._futures: dict[float, Future[tuple[Frame | None, Seen, Pose]]] = {}
-
-    def add(self, frame: Frame, lidars: list[Lidar], is_kept: bool) -> None:
-        """Start recomputing the observations of `frame`; the frame itself is held if `is_kept`."""
-        if lidars:
-            self._futures[frame.stamp] = self._pool.submit(self._look, frame, lidars, is_kept)
-
-    def _look(self, frame: Frame, lidars: list[Lidar], is_kept: bool) -> tuple[Frame | None, Seen, Pose]:
-        seen, T = look(frame, lidars, ground_of(frame, self._ground), self._ground), frame.T_level_sensor
-        return (frame, seen, T) if is_kept else (None, as_partner(seen), T)
-
-    def take_over(self, T_after_before: Pose, window: EvidenceWindow) -> dict[float, tuple[Frame, Seen]]:
-        """Put the new observations into `window`, moved by `T_after_before`; return the held frames by stamp."""
-        made = {stamp: future.result() for stamp, future in self._futures.items()}
-        self._futures = {}
-        window.renew({stamp: (seen, T) for stamp, (_, seen, T) in made.items()}, T_after_before)
-        return {
-            stamp: (replace(frame, T_level_sensor=T_after_before @ frame.T_level_sensor), seen.moved(T_after_before))
-            for stamp, (frame, seen, _) in made.items()
-            if frame is not None
-        }

@@ -21,8 +21,9 @@ from automos.evidence.stage import candidates_of
 from automos.objects.detect import recount
 from automos.objects.detections import Detections
 from automos.objects.instances import segment_frame
-from automos.online.evidence import EvidenceWindow, Renewal
+from automos.online.evidence import EvidenceWindow
 from automos.online.following import FEW, GROWN, Found
+from automos.online.renewal import Renewal
 from automos.online.sighting import Sighting, Sightings
 from automos.settings import Settings
 

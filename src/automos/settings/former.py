@@ -33,7 +33,7 @@ BECAME = {
     "network.model.name": "every network is a SalsaNext; remove it",
     "network.online": "give automos segment its --engine, --device and --threads instead",
     "network.augmentation": "network.training.augment turns it on or off",
-    "network.cleanup": "RangeNet++'s values are used, see automos.network.online; remove it",
+    "network.cleanup": "RangeNet++'s values are used, see automos.network.cleanup; remove it",
     "network.scene_flow": "see automos.network.rivals; remove it",
     "self_training": "labels were no better with a network's probabilities; remove it",
     "candidates.free_space.spans": "they follow from candidates.free_space.longest_span",

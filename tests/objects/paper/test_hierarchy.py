@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.distance import cdist
 
-from automos.objects.paper.instances import choose_segments, cluster_nested
+from automos.objects.paper.hierarchy import choose_segments, cluster_nested
 
 EPSILONS = (2.0, 1.0, 0.5, 0.25)
 

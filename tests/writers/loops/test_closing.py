@@ -12,7 +12,8 @@ from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.trajectory import SequenceFrames, Trajectory
 from automos.settings import LoopSettings, MapSettings
 from automos.writers.maps.loops import closing
-from automos.writers.maps.loops.closing import RINGS, SECTORS, close_loops, compare_places, describe_place
+from automos.writers.maps.loops.closing import RINGS, SECTORS, close_loops
+from automos.writers.maps.loops.places import compare_places, describe_place
 from automos.writers.maps.make_map import make_map
 
 LOOPS = LoopSettings()
