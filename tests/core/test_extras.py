@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from automos.core import extras
-from automos.core.extras import DISTRIBUTION, pip_install
+from automos.core.errors import MissingExtraError
+from automos.core.extras import DISTRIBUTION, import_extra, pip_install
 
 ROOT = Path(__file__).parents[2]
 
@@ -55,3 +56,8 @@ def test_no_text_tells_to_install_the_project_that_has_the_short_name_on_the_ind
     names = re.compile(r"pip install[^`\n&]*[ '\"]automos(?![-\w/])|automos\[[a-z,-]+\]")
     strays = [f"{path.relative_to(ROOT)}: {found}" for path in files for found in names.findall(path.read_text())]
     assert strays == []
+
+
+def test_a_missing_package_is_told_with_the_command_that_installs_it():
+    with pytest.raises(MissingExtraError, match=r"^nothing_of_the_kind is not .* pip install '.*\[ros\]'$"):
+        import_extra("nothing_of_the_kind.inner", "ros")

@@ -4,9 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from automos.core.errors import MissingExtraError
 from automos.readers import CODECS, FORMATS, load_format
-from automos.readers.formats import import_extra
 from automos.writers import EXPORTS
 
 EXTRAS = ("pyarrow", "rosbags", "laspy", "lazrs", "velodyne_decoder")
@@ -29,11 +27,6 @@ def test_all_readers_and_writers_can_be_asked_without_any_optional_package(tmp_p
     )
     run = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True)
     assert run.stdout.strip() == "0"
-
-
-def test_a_missing_package_is_told_with_the_command_that_installs_it():
-    with pytest.raises(MissingExtraError, match=r"^nothing_of_the_kind is not .* pip install '.*\[ros\]'$"):
-        import_extra("nothing_of_the_kind.inner", "ros")
 
 
 def test_every_extra_that_a_reader_names_is_one_of_the_package():

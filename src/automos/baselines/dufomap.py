@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from automos.baselines.batches import BATCH, BatchSize, cut_batches, is_within
+from automos.core.extras import import_extra
 from automos.core.scan import Frames, Mask
-from automos.readers.formats import import_extra
 
 
 @dataclass(frozen=True)

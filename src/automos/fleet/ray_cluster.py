@@ -5,13 +5,13 @@ import socket
 from typing import Any
 
 from automos.core.errors import InputError
+from automos.core.extras import import_extra
 from automos.core.parallel import SAFE_PATH
 from automos.core.working_folder import standing_elsewhere
 from automos.fleet.local_pool import Executor
 from automos.fleet.orders import Ended, Order
 from automos.fleet.units import work
 from automos.fleet.work_folder import thread_limits
-from automos.readers.formats import import_extra
 
 _log = logging.getLogger(__name__)
 

@@ -17,10 +17,9 @@ from operator import itemgetter
 from typing import Any, TypeVar
 
 from automos.core.errors import AutomosError, InputError, MissingExtraError
-from automos.core.extras import pip_install
+from automos.core.extras import import_extra, pip_install
 from automos.core.parallel import map_in_order
 from automos.core.reading import parse_url
-from automos.readers.formats import import_extra
 
 _log = logging.getLogger(__name__)
 Item = TypeVar("Item")

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from automos.core.errors import InputError
+from automos.core.extras import import_extra
 from automos.core.reading import read_text
 from automos.core.scan import Scan
 from automos.live.feed import Feed, Replay
 from automos.live.udp import UdpFeed, parse_address
 from automos.readers import open_sequence
-from automos.readers.formats import import_extra
 from automos.readers.ouster import first_stamp, frame_to_scan, make_to_points
 from automos.readers.packets.decode import FACTORY, VelodyneDecoder, tells_calibration, to_scan
 from automos.readers.packets.layouts import VELODYNE, layout_of

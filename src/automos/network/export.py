@@ -12,10 +12,10 @@ import torch
 from automos.core.atomic import atomic_path
 from automos.core.claims import claim_file, remove
 from automos.core.errors import AutomosError
+from automos.core.extras import import_extra
 from automos.network.checkpoint import Checkpoint, MovingProbability
 from automos.network.deployed import METADATA, load_network
 from automos.network.images import BASE_CHANNELS, FORMAT
-from automos.readers.formats import import_extra
 
 TOLERANCE = 1e-3
 """Largest difference of a probability that is a matter of rounding."""

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 from automos.core.atomic import write_text
 from automos.core.claims import TRAINING, claim
 from automos.core.errors import InputError
+from automos.core.extras import import_extra
 from automos.core.run import Progress, silent
 from automos.core.stages import fingerprint
 from automos.network.packed import PackedSamples, pack
 from automos.network.recordings import LabelledRecording, Source, open_labelled
 from automos.network.samples import TrainingSamples, ValidationSamples, measure_classes, measure_scale
-from automos.readers.formats import import_extra
 from automos.settings import Settings, dump_yaml
 
 if TYPE_CHECKING:

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
+from automos.core.extras import import_extra
 from automos.core.geometry import Array, inverse, transform
 from automos.core.label_files import pack
 from automos.core.labels import Label
@@ -19,7 +20,7 @@ from automos.core.reading import damage_reported, is_there
 from automos.core.scan import Pose, Scan
 from automos.readers.apart import read_apart
 from automos.readers.box_truth import DrawnBoxes, DrawnTruth, checked_boxes, motion_with_boxes
-from automos.readers.formats import Format, import_extra, recordings_at
+from automos.readers.formats import Format, recordings_at
 from automos.readers.listed import ListedSequence, stamped_files
 from automos.readers.parquet import arrow_reported
 from automos.readers.stamped_poses import checked_mount, from_quaternions, poses_at, sensor_poses

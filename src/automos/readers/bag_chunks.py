@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
+from automos.core.extras import import_extra
 from automos.readers.bag_messages import LARGEST, Topic
-from automos.readers.formats import import_extra
 
 _AHEAD = 1 << 13
 """Bytes that are unpacked beyond what is asked for at first: a message's header is read in pieces."""

@@ -14,10 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from automos.core.errors import InputError
+from automos.core.extras import import_extra
 from automos.core.scan import Mask
 from automos.readers import foxglove_cloud, livox_message
 from automos.readers.columns import Columns
-from automos.readers.formats import import_extra
 from automos.readers.packets.messages import TYPES as PACKETS
 from automos.readers.point_cloud2 import cloud_digest, header_frame, header_stamp, read_columns, shape_of
 from automos.readers.wire import Wire

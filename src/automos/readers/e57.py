@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from automos.core.errors import InputError
+from automos.core.extras import import_extra
 from automos.readers.apart import read_apart
 from automos.readers.columns import Columns
-from automos.readers.formats import import_extra
 
 
 def read(path: Path) -> Columns:

@@ -4,18 +4,15 @@ A sensor's sequence is one of those in a file, named as if the file were a folde
 """
 
 import hashlib
-import importlib
 import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.errors import InputError, MissingExtraError
-from automos.core.extras import pip_install
+from automos.core.errors import InputError
 from automos.core.geometry import Array
 from automos.core.scan import Sequence as ScanSequence
 
@@ -50,22 +47,6 @@ def recordings_at(path: Path, is_recording: Callable[[Path], bool]) -> list[Path
 def recordings_in(folder: Path, is_recording: Callable[[Path], bool]) -> list[Path]:
     """Return the recordings that lie in a folder, by name."""
     return sorted(filter(is_recording, folder.iterdir())) if folder.is_dir() else []
-
-
-def import_extra(module: str, extra: str, sentence: str = "{} is not installed; run: {}") -> Any:
-    """Return the imported `module`, which comes with the optional dependencies `extra`.
-
-    sentence : what is told without it, of the package and the command that installs it.
-
-    Raises
-    ------
-    MissingExtraError
-        It is not installed.
-    """
-    try:
-        return importlib.import_module(module)
-    except ImportError:
-        raise MissingExtraError(sentence.format(module.partition(".")[0], pip_install(extra))) from None
 
 
 def digest_of_files(files: Iterable[Path], *more: bytes) -> str:

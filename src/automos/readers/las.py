@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from automos.core.errors import InputError
+from automos.core.extras import import_extra
 from automos.readers.apart import read_apart
 from automos.readers.columns import Columns
 from automos.readers.foreign import limited
-from automos.readers.formats import import_extra
 from automos.readers.las_header import Promise, is_packed, require_whole
 
 _LAST = 64

@@ -16,10 +16,11 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import AutomosError, InputError, MissingExtraError
+from automos.core.extras import import_extra
 from automos.core.reading import require_regular
 from automos.core.scan import Scan
 from automos.readers.foreign import limited
-from automos.readers.formats import Format, SensorSequence, choose_sensor, import_extra, is_capture, recordings_at
+from automos.readers.formats import Format, SensorSequence, choose_sensor, is_capture, recordings_at
 from automos.readers.packets.pcap import require_whole
 
 _RETURNS = (("RANGE", "REFLECTIVITY"), ("RANGE2", "REFLECTIVITY2"))

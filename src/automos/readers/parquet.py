@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import AutomosError, InputError
+from automos.core.extras import import_extra
 from automos.core.reading import require_regular
 from automos.readers.foreign import limited
-from automos.readers.formats import import_extra
 
 _BATCH = 5
 """Rows decoded at once."""

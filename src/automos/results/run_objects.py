@@ -10,12 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.column_data import ColumnData
+from automos.core.extras import import_extra
 from automos.core.geometry import upright_pose
 from automos.core.scan import Pose
 from automos.core.upright_boxes import Boxes
 from automos.objects.kinds import Kind, likeliest
 from automos.objects.verdict import Verdict
-from automos.readers.formats import import_extra
 from automos.results.tracks_file import MIN_SIDE, VERDICTS
 
 if TYPE_CHECKING:

@@ -23,12 +23,12 @@ import numpy as np
 
 from automos.core.atomic import faults_reported, write_raw, write_text
 from automos.core.claims import SIMULATION
+from automos.core.extras import import_extra
 from automos.core.geometry import Array, inverse, se3_log
 from automos.core.own_folder import own_folder
 from automos.core.parallel import map_in_order
 from automos.core.pose_writers import write_kitti
 from automos.core.run import Progress, silent
-from automos.readers.formats import import_extra
 from automos.readers.point_cloud2 import cloud_message
 from automos.simulation.sequence import FORMAT, SimulatedSequence
 

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.extras import import_extra
 from automos.core.geometry import quaternion_of, transform, upright_pose
 from automos.core.labels import Label
 from automos.core.scan import Pose, Scan
 from automos.labeler import LabelledScan
-from automos.readers.formats import import_extra
 from automos.readers.point_cloud2 import packed_rows
 from automos.views.ground_map import thin_rows
 from automos.views.rerun_layout import laid_out, load_rerun, world_view

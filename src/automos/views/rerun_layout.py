@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.extras import import_extra
 from automos.core.scan import Pose
-from automos.readers.formats import import_extra
 
 EYE = (38.0, 250.0)
 """Metres that the eye is away from the middle of the drive, at least and at most."""

@@ -22,11 +22,11 @@ import numpy.typing as npt
 
 from automos.core.atomic import atomic_path, write_bytes
 from automos.core.errors import InputError
+from automos.core.extras import import_extra
 from automos.core.geometry import inverse, transform
 from automos.core.labels import Label
 from automos.core.scan import Pose, Sequence
 from automos.evaluation.flow import DYNAMIC, FlowCounts, evaluate_flow
-from automos.readers.formats import import_extra
 from automos.results.open_run import runs_in
 from automos.results.run_files import RunFiles
 from automos.writers.formats import Export, intensity_of, microseconds

@@ -11,10 +11,10 @@ import numpy.typing as npt
 
 from automos.core.atomic import atomic_path, write_bytes
 from automos.core.claims import SIGN
+from automos.core.extras import import_extra
 from automos.core.geometry import quaternion_of
 from automos.core.scan import Mask, Points, Pose, Scan
 from automos.readers.columns import Columns
-from automos.readers.formats import import_extra
 from automos.readers.point_cloud2 import packed_rows
 from automos.results.run_files import RunFiles
 

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from automos.core.atomic import write_bytes
+from automos.core.extras import import_extra
 from automos.readers.columns import Columns
-from automos.readers.formats import import_extra
 from automos.results.run_files import RunFiles
 from automos.writers.formats import Export, point_columns
 

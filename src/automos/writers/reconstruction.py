@@ -20,12 +20,12 @@ import numpy.typing as npt
 
 from automos.core.atomic import atomic_path, write_json, write_raw, write_text
 from automos.core.errors import InputError
+from automos.core.extras import import_extra
 from automos.core.geometry import inverse, make_transform, se3_exp, transform
 from automos.core.labels import Label
 from automos.core.scan import Pose
 from automos.objects.kinds import Kind
 from automos.odometry.elevation import raised_scan
-from automos.readers.formats import import_extra
 from automos.readers.kitti_raw import KittiRawSequence
 from automos.results.run_files import RunFiles
 from automos.results.run_objects import Box

@@ -20,10 +20,10 @@ import numpy.typing as npt
 from automos.core.atomic import atomic_path, faults_reported, write_bytes
 from automos.core.claims import SIGN
 from automos.core.errors import InputError
+from automos.core.extras import import_extra
 from automos.core.geometry import inverse, transform
 from automos.core.label_files import pack
 from automos.core.labels import Label
-from automos.readers.formats import import_extra
 from automos.readers.point_cloud2 import cloud_message
 from automos.results.run_files import RunFiles
 from automos.writers.formats import Export, make_folders, pcd_bytes, pcd_header, ply_bytes, point_columns, write_pcd

@@ -14,9 +14,9 @@ import numpy.typing as npt
 import yaml
 
 from automos.core.errors import InputError
+from automos.core.extras import import_extra
 from automos.core.scan import Scan
 from automos.readers.columns import Columns
-from automos.readers.formats import import_extra
 from automos.readers.packets.beams import Beams, beams_of
 from automos.readers.packets.layouts import VELODYNE, Layout, layout_of
 from automos.readers.packets.pcap import Datagrams

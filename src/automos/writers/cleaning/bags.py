@@ -15,10 +15,10 @@ import numpy as np
 
 from automos.core.atomic import atomic_path
 from automos.core.errors import AutomosError, InputError
+from automos.core.extras import import_extra
 from automos.readers.bag_chunks import IN_FILE, ZSTD
 from automos.readers.bag_kinds import BagFile, McapFile, Ros1File, SqliteFile
 from automos.readers.bag_messages import PACKETS, TYPES
-from automos.readers.formats import import_extra
 from automos.readers.rosbag_topic import RosbagSequence
 from automos.writers.formats import copy_file
 

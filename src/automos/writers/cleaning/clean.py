@@ -17,6 +17,7 @@ import numpy.typing as npt
 from automos.core.atomic import write_bytes, write_npy, write_raw, write_text
 from automos.core.claims import CLEANED
 from automos.core.errors import InputError
+from automos.core.extras import import_extra
 from automos.core.labels import Label
 from automos.core.own_folder import own_folder
 from automos.core.reading import read_array, read_bytes
@@ -25,7 +26,6 @@ from automos.core.workspace import Workspace
 from automos.readers.bag_messages import with_rows
 from automos.readers.codecs import parse_columns
 from automos.readers.folder import FolderSequence
-from automos.readers.formats import import_extra
 from automos.readers.npy import as_rows
 from automos.readers.pcd import read, read_header
 from automos.readers.rosbag_topic import RosbagSequence

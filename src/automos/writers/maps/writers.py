@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from automos.core.atomic import atomic_path
 from automos.core.errors import InputError
-from automos.readers.formats import import_extra
+from automos.core.extras import import_extra
 from automos.writers.formats import pcd_header, ply_header
 from automos.writers.las import REACH, las_header
 
