@@ -91,6 +91,40 @@ def test_what_stood_and_drives_off_is_one_unless_its_place_was_never_free():
     assert len(departure(-2.5)) == 2
 
 
+def halting(speed, evidence=-1.0):
+    """Return the links of a car that goes on as what stands at its end, and that as another after a second."""
+    before, after, again = np.arange(20), np.arange(20, 40), np.arange(50, 60)
+    rows = [track(0, before, 0.1 * speed * (before - 19), velocity=(speed, 0.0)), track(1, after, 0.0)]
+    tracks = Tracks.concatenate([*rows, track(2, again, 0.0)])
+    moves = np.array([True, False, False])
+    return links_in_time(tracks, moves, np.ones(3, bool), np.where(tracks.scan < 20, 2.0, evidence), TIMES)
+
+
+def test_what_halts_slowly_stands_where_it_was_itself_and_goes_on_through_all_sights():
+    ends, beginnings = halting(0.5)
+    assert sorted(zip(ends, beginnings, strict=True)) == [(0, 1), (1, 2)]
+
+
+def test_what_stood_before_a_fast_one_came_is_not_that():
+    ends, _ = halting(8.0, evidence=-4.0)
+    assert len(ends) == 0
+
+
+def test_what_never_moved_is_linked_with_nothing():
+    scans = np.arange(20)
+    tracks = Tracks.concatenate([track(0, scans, 0.0), track(1, scans + 25, 0.0)])
+    ends, _ = links_in_time(tracks, np.zeros(2, bool), np.ones(2, bool), np.zeros(40), TIMES)
+    assert len(ends) == 0
+
+
+def test_as_the_corner_that_is_left_to_see_a_car_goes_on():
+    car = track(0, np.arange(20), 0.05 * np.arange(-19, 1), velocity=(0.5, 0.0), size=(4.9, 2.0, 1.6))
+    corner = track(1, np.arange(20, 40), 1.5, 0.6, size=(1.6, 0.8, 1.3))
+    tracks, moves, whole = Tracks.concatenate([car, corner]), np.array([True, False]), np.ones(2, bool)
+    ends, _ = links_in_time(tracks, moves, whole, np.zeros(40), TIMES)
+    assert len(ends) == 1
+
+
 def appearing(x_after):
     """Return the tracks left of a tram that comes out from behind something at 10 m/s and is lost for three scans."""
     before, after = np.arange(20), np.arange(23, 40)

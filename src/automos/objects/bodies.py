@@ -59,7 +59,8 @@ def cut_where_two(tracks: Tracks, is_moving: Mask, evidence: Array, times: Array
         scores.append(_link_score(at_side, rows - 1, rows, gap, variance, side != 0.0))
     score = np.max(scores, axis=0)
     about = evidence[at]
-    score += _log_moved(about, t, bounds, bounds[1:] - 1)[goes_on - 1] + _log_moved(about, t, bounds, first)[goes_on]
+    score += _log_moved(_said(about, t, bounds, bounds[1:] - 1)[goes_on - 1], seen[rows])
+    score += _log_moved(_said(about, t, bounds, first)[goes_on], seen[rows - 1])
     is_cut = np.diff(tracks.track, prepend=-1) > 0
     is_cut[at[rows[score <= 0.0]]] = True
     return until_last_seen(replace(tracks, track=np.cumsum(is_cut) - 1))
@@ -77,8 +78,8 @@ def _to_ends(tracks: Tracks) -> Array:
     return np.stack([c * half, s * half, 0.0 * half], axis=-1)
 
 
-def _log_moved(evidence: Array, times: Array, first: Rows, at: Rows) -> Array:
-    """Return (S,) log-probabilities that each sight is of what moved, by its rows near the time of its row `at` (S,).
+def _said(evidence: Array, times: Array, first: Rows, at: Rows) -> Array:
+    """Return (S,) the log-odds that each sight is of what moved, by its rows near the time of its row `at` (S,).
 
     What stands and then leaves its place has moved in the seconds before, too, as scans after say.
     """
@@ -86,13 +87,23 @@ def _log_moved(evidence: Array, times: Array, first: Rows, at: Rows) -> Array:
     sight = np.repeat(np.arange(len(at)), np.diff(first))[seen]
     said = evidence[seen] * looks(np.searchsorted(seen, first), times[seen])
     is_near = np.abs(times[seen] - times[at][sight]) <= LONGEST
-    return -np.logaddexp(0.0, -np.bincount(sight[is_near], said[is_near], len(at)))
+    return np.asarray(np.bincount(sight[is_near], said[is_near], len(at)), np.float64)
+
+
+def _log_moved(said: Array, other: Tracks) -> Array:
+    """Return (K,) log-probabilities that what `said` (K,) is of has moved, if it goes on as, or is, `other` (K rows).
+
+    What moves slowly is where it was itself for much of the time, and only of the rest scans say anything.
+    """
+    way = LONGEST * np.hypot(*other.velocity[:, :2].T)
+    own = np.minimum(other.size[:, :2].max(axis=1) / np.maximum(way, NOISE), 1.0)
+    return -np.logaddexp(0.0, -(1.0 - own) * said)
 
 
 def links_in_time(tracks: Tracks, is_moving: Mask, is_whole: Mask, evidence: Array, times: Array) -> tuple[Rows, Rows]:
     """Return the tracks (K,) that go on, and those (K,) as which they do.
 
-    is_moving, is_whole : (T,), tracks that move, and those that are no part of another; one of two linked tracks moves.
+    is_moving, is_whole : (T,), tracks that move, and those that are no part of another; of what is linked, one moves.
     evidence : (R,) see `cut_where_two`.
     times : (N,) seconds of the scans.
 
@@ -101,17 +112,28 @@ def links_in_time(tracks: Tracks, is_moving: Mask, is_whole: Mask, evidence: Arr
     first = tracks.first_rows()
     last = np.append(first[1:], len(tracks.track))[: len(first)] - 1
     t, bounds = times[tracks.scan], np.append(first, len(tracks.track))
-    ended, begun = (np.where(is_moving, 0.0, _log_moved(evidence, t, bounds, at)) for at in (last, first))
+    ended, begun = (_said(evidence, t, bounds, at) for at in (last, first))
 
     def likely(a: Rows, b: Rows, rows: Rows) -> tuple[Rows, Rows, Array]:
-        possible = (a != b) & (is_moving[a] | is_moving[b]) & is_whole[a] & is_whole[b]
+        possible = (a != b) & is_whole[a] & is_whole[b]
         a, b, rows = a[possible], b[possible], rows[possible]
-        score = _link_score(tracks, rows, first[b], t[first[b]] - t[rows]) + ended[a] + begun[b]
+        stands = ~is_moving[a] & ~is_moving[b]
+        score = _link_score(tracks, rows, first[b], t[first[b]] - t[rows], stands=stands)
+        score += np.where(is_moving[a], 0.0, _log_moved(ended[a], tracks[first[b]]))
+        score += np.where(is_moving[b], 0.0, _log_moved(begun[b], tracks[rows]))
         return a[score > 0.0], b[score > 0.0], score[score > 0.0]
 
     found = starmap(likely, chain(_followed(tracks, first, last, times), _overlapping(tracks, first, last)))
     a, b, score = (np.concatenate(column) for column in zip(*found, strict=True))
-    return _one_each(a, b, score, len(first))
+    ends, beginnings = np.zeros((2, 0), np.int64)
+    is_body = is_moving.copy()
+    while True:  # a body goes on through all that stands where it stood
+        free = (is_body[a] | is_body[b]) & ~np.isin(a, ends) & ~np.isin(b, beginnings)
+        if not free.any():
+            return ends, beginnings
+        more = _one_each(a[free], b[free], score[free], len(first))
+        ends, beginnings = np.append(ends, more[0]), np.append(beginnings, more[1])
+        is_body[ends] = is_body[beginnings] = True
 
 
 def _one_each(a: Rows, b: Rows, score: Array, n: int) -> tuple[Rows, Rows]:
@@ -159,12 +181,19 @@ def _overlapping(tracks: Tracks, first: Rows, last: Rows) -> Iterator[tuple[Rows
 
 
 def _link_score(
-    tracks: Tracks, last: Rows, first: Rows, gap: Array, variance: Array | None = None, is_end: bool = False
+    tracks: Tracks,
+    last: Rows,
+    first: Rows,
+    gap: Array,
+    variance: Array | None = None,
+    is_end: bool = False,
+    stands: Mask | bool = False,
 ) -> Array:
     """Return (K,) the log-likelihood ratio of one body against two: ends at rows `last`, beginnings at `first`.
 
     variance : (R,) (m/s)^2 of the rows' velocities; they are known where it is not given.
     is_end : whether the places are those of a body's end, which does not depend on how much of it is seen.
+    stands : (K,) whether neither moves: what stands goes on where it was.
     """
     offset = tracks.center[first] - tracks.center[last]
     v0, v1 = tracks.velocity[last, :2], tracks.velocity[first, :2]
@@ -175,8 +204,10 @@ def _link_score(
     weight = ((s1 + 0.5 * change) / either)[:, None]
     off = offset[:, :2] - gap[:, None] * (weight * v0 + (1.0 - weight) * v1)
     of_mean = (s0 * s1 + 0.25 * (s0 + s1) * change) / either
-    extent = 0.0 if is_end else 0.5 * np.minimum(tracks.size[last, :2].max(axis=1), tracks.size[first, :2].max(axis=1))
-    place = NOISE**2 + (0.5 * extent) ** 2 + ACCELERATION**2 * gap**3 / 12.0 + gap**2 * of_mean
+    # The centre of a part may be anywhere in the whole.
+    shorter, longer = np.sort([tracks.size[rows, :2].max(axis=1) for rows in (last, first)], axis=0)
+    extent = 0.0 if is_end else (0.25 * shorter) ** 2 + (longer - shorter) ** 2 / 12.0
+    place = NOISE**2 + extent + np.where(stands, 0.0, ACCELERATION**2 * gap**3 / 12.0 + gap**2 * of_mean)
     squared = (off**2).sum(axis=1) / place + ((v1 - v0) ** 2).sum(axis=1) / either
     before, after = (np.sort(np.maximum(tracks.size[rows], LEAST_SIDE), axis=1) for rows in (last, first))
     growth = np.abs(np.log(before / after)).max(axis=1)
