@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from scipy.special import log_expit
 
 from automos.core.scan import Mask
 from automos.objects.association import LEAST_SIDE, assign
@@ -59,8 +60,9 @@ def cut_where_two(tracks: Tracks, is_moving: Mask, evidence: Array, times: Array
         scores.append(_link_score(at_side, rows - 1, rows, gap, variance, side != 0.0))
     score = np.max(scores, axis=0)
     about = evidence[at]
-    score += _log_moved(_said(about, t, bounds, bounds[1:] - 1)[goes_on - 1], seen[rows])
-    score += _log_moved(_said(about, t, bounds, first)[goes_on], seen[rows - 1])
+    away = _share_away(seen)
+    score += log_expit(away[rows] * _said(about, t, bounds, bounds[1:] - 1)[goes_on - 1])
+    score += log_expit(away[rows - 1] * _said(about, t, bounds, first)[goes_on])
     is_cut = np.diff(tracks.track, prepend=-1) > 0
     is_cut[at[rows[score <= 0.0]]] = True
     return until_last_seen(replace(tracks, track=np.cumsum(is_cut) - 1))
@@ -90,14 +92,13 @@ def _said(evidence: Array, times: Array, first: Rows, at: Rows) -> Array:
     return np.asarray(np.bincount(sight[is_near], said[is_near], len(at)), np.float64)
 
 
-def _log_moved(said: Array, other: Tracks) -> Array:
-    """Return (K,) log-probabilities that what `said` (K,) is of has moved, if it goes on as, or is, `other` (K rows).
+def _share_away(tracks: Tracks) -> Array:
+    """Return (R,) the share of the time near each row in which its motion takes a body away from where it is.
 
-    What moves slowly is where it was itself for much of the time, and only of the rest scans say anything.
+    What moves slowly was there itself in most of the scans that are compared, and only the others say anything.
     """
-    way = LONGEST * np.hypot(*other.velocity[:, :2].T)
-    own = np.minimum(other.size[:, :2].max(axis=1) / np.maximum(way, NOISE), 1.0)
-    return -np.logaddexp(0.0, -(1.0 - own) * said)
+    way = LONGEST * np.hypot(*tracks.velocity[:, :2].T)
+    return 1.0 - np.minimum(tracks.size[:, :2].max(axis=1) / np.maximum(way, NOISE), 1.0)
 
 
 def links_in_time(tracks: Tracks, is_moving: Mask, is_whole: Mask, evidence: Array, times: Array) -> tuple[Rows, Rows]:
@@ -113,14 +114,15 @@ def links_in_time(tracks: Tracks, is_moving: Mask, is_whole: Mask, evidence: Arr
     last = np.append(first[1:], len(tracks.track))[: len(first)] - 1
     t, bounds = times[tracks.scan], np.append(first, len(tracks.track))
     ended, begun = (_said(evidence, t, bounds, at) for at in (last, first))
+    away = _share_away(tracks)
 
     def likely(a: Rows, b: Rows, rows: Rows) -> tuple[Rows, Rows, Array]:
         possible = (a != b) & is_whole[a] & is_whole[b]
         a, b, rows = a[possible], b[possible], rows[possible]
         stands = ~is_moving[a] & ~is_moving[b]
         score = _link_score(tracks, rows, first[b], t[first[b]] - t[rows], stands=stands)
-        score += np.where(is_moving[a], 0.0, _log_moved(ended[a], tracks[first[b]]))
-        score += np.where(is_moving[b], 0.0, _log_moved(begun[b], tracks[rows]))
+        score += np.where(is_moving[a], 0.0, log_expit(away[first[b]] * ended[a]))
+        score += np.where(is_moving[b], 0.0, log_expit(away[rows] * begun[b]))
         return a[score > 0.0], b[score > 0.0], score[score > 0.0]
 
     found = starmap(likely, chain(_followed(tracks, first, last, times), _overlapping(tracks, first, last)))
