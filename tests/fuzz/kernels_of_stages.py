@@ -25,6 +25,7 @@ from automos.objects.looks import share_first_looks
 from automos.objects.motion import smooth
 from automos.objects.object_points import paint_objects
 from automos.objects.occlusion import hidden_sides, nearest_points
+from automos.objects.outlines import outlines
 from automos.objects.segments import segment_points
 from automos.objects.states import state_probabilities
 from automos.objects.tracks import Tracks, observed
@@ -84,7 +85,7 @@ def _erasor(points: np.ndarray) -> None:
 
 def _instances(points: np.ndarray) -> None:
     n, ids = len(points), (np.arange(len(points)) % 3 - 1).astype(np.int32)
-    fit_boxes(points, ids, np.ones(ids.max() + 1))
+    outlines(points, ids, fit_boxes(points, ids, np.ones(ids.max() + 1)))
     segment_points(points, points[:, 2], (0.02, 0.003), SETTINGS.instances.components.segments)
     hidden_sides(ids, nearest_points(points, (0.02, 0.003)), int(ids.max()) + 1)
     detect._summarise(ids, points, points[:, 2], np.full(n, 255, np.uint8), ids > 0, ids > 1)

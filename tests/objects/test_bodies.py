@@ -60,6 +60,14 @@ def test_the_roof_of_a_lorry_goes_with_its_wheels_and_a_bridge_does_not():
     assert len(bodies) == 2
 
 
+def test_what_stands_beside_a_body_that_stands_is_another_and_what_is_in_its_box_is_its_part():
+    scans, post = np.arange(20), (0.2, 0.2, 0.2)
+    for beside, n in ((1.15, 2), (0.6, 1)):  # half of the car's width is 0.9 m
+        tracks = Tracks.concatenate([track(0, scans, 0.0), track(1, scans, 1.0, beside, size=post)])
+        bodies, _ = body_of(tracks, np.array([True, False]), np.array([200.0, 5.0]))
+        assert len(bodies) == n
+
+
 def test_people_side_by_side_are_two():
     scans, person = np.arange(30), (0.5, 0.5, 1.7)
     pair = [track(k, scans, 0.13 * scans, 0.9 * k, (1.3, 0.0), person) for k in range(2)]
@@ -108,6 +116,15 @@ def test_what_halts_slowly_stands_where_it_was_itself_and_goes_on_through_all_si
 def test_what_stood_before_a_fast_one_came_is_not_that():
     ends, _ = halting(8.0, evidence=-4.0)
     assert len(ends) == 0
+
+
+def test_what_is_seen_twice_for_a_while_is_one_unless_it_ends_far_from_where_it_goes_on():
+    first, then = np.arange(20), np.arange(15, 40)
+    for speed, n in ((10.0, 1), (-10.0, 0)):
+        goes_on = track(1, then, 15.0 + 0.1 * speed * (then - 15), velocity=(10.0, 0.0))
+        tracks = Tracks.concatenate([track(0, first, 1.0 * first, velocity=(10.0, 0.0)), goes_on])
+        ends, _ = links_in_time(tracks, np.ones(2, bool), np.ones(2, bool), np.ones(45), TIMES)
+        assert len(ends) == n
 
 
 def test_what_never_moved_is_linked_with_nothing():

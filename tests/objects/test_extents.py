@@ -2,7 +2,9 @@ import numpy as np
 import pytest
 
 from automos.core.upright_boxes import Boxes
-from automos.objects.extents import Intervals, boxed_intervals, headings, make_whole
+from automos.objects.detections import Detections
+from automos.objects.extents import headings, make_whole, shown_intervals
+from automos.objects.terms import Segments, segment_terms
 from automos.objects.tracks import Tracks
 
 
@@ -14,21 +16,20 @@ def rows(n: int, center: np.ndarray) -> Tracks:
     )
 
 
-def nothing_hidden(n: int) -> np.ndarray:
-    return np.zeros((n, 2), np.bool_)
+def segments_of(own: Boxes, sensor: np.ndarray, hidden: np.ndarray | None = None) -> Segments:
+    """Return segments of which each scan has one, with the boxes `own`."""
+    none, hidden = np.zeros(1), np.zeros((len(own), 2), np.bool_) if hidden is None else hidden
+    found = (
+        Detections.of_objects(own[at], none, none, none, hidden=hidden[at], sensor=tuple(sensor[at[0], :2]))
+        for at in np.arange(len(own))[:, None]
+    )
+    return Segments.of_scans(list(map(segment_terms, found)))
 
 
-def made_whole(own: Boxes, origin: np.ndarray, hidden: np.ndarray | None = None) -> Tracks:
+def made_whole(own: Boxes, sensor: np.ndarray, hidden: np.ndarray | None = None) -> Tracks:
     """Return the whole boxes of a body of which each scan shows one of the boxes `own`, ten scans a second."""
     tracks = rows(len(own), own.center.copy())
-    hidden = nothing_hidden(len(own)) if hidden is None else hidden
-    make_whole(
-        tracks,
-        np.ones(1, np.bool_),
-        0.1 * np.arange(len(own)),
-        lambda body: own[body.scan],
-        lambda body, boxes: boxed_intervals(body, boxes, origin, hidden[body.scan]),
-    )
+    make_whole(tracks, tracks, np.ones(1, np.bool_), segments_of(own, sensor, hidden), 0.1 * np.arange(len(own)))
     return tracks
 
 
@@ -37,22 +38,35 @@ def test_the_interval_of_a_box_is_its_length_along_its_heading_and_its_width_alo
     own = Boxes(np.array([[10.0, 2.0, 1.0]]), np.array([[4.0, 2.0, 1.5]]), np.array([0.3]), np.ones(1))
     track = rows(1, np.array([[9.0, 2.0, 1.0]]))
     track.yaw[:] = 0.3 + turn
-    low, high, *_ = boxed_intervals(track, own, np.zeros((1, 3)), nothing_hidden(1))
+    low, high, *_ = shown_intervals(track, track, segments_of(own, np.zeros((1, 2))))
     half = 0.5 * np.array([4.0, 2.0, 1.5] if abs(np.cos(turn)) > 0.5 else [2.0, 4.0, 1.5])
-    np.testing.assert_allclose(0.5 * (high - low)[0], half)
+    np.testing.assert_allclose(0.5 * (high - low)[0], half, atol=2e-3)
     angle = 0.3 + turn  # the box is a metre ahead of the track along x
-    np.testing.assert_allclose(0.5 * (high + low)[0], [np.cos(angle), -np.sin(angle), 0.0], atol=1e-12)
+    np.testing.assert_allclose(0.5 * (high + low)[0], [np.cos(angle), -np.sin(angle), 0.0], atol=2e-3)
 
 
 def test_the_place_of_the_sensor_is_told_along_the_heading():
     track = rows(2, np.array([[10.0, 0.0, 1.0], [12.0, 0.0, 1.0]]))
     track.yaw[:] = 0.5 * np.pi
     own = Boxes(track.center, np.ones((2, 3)), np.zeros(2), np.ones(2))
-    np.testing.assert_allclose(
-        boxed_intervals(track, own, np.array([[0.0, 0.0, 0.0], [2.0, 3.0, 1.0]]), nothing_hidden(2)).origin,
-        [[0.0, 10.0, -1.0], [3.0, 10.0, 0.0]],
-        atol=1e-12,
-    )
+    shown = shown_intervals(track, track, segments_of(own, np.array([[0.0, 0.0], [2.0, 3.0]])))
+    np.testing.assert_allclose(shown.sensor, [[0.0, 10.0], [3.0, 10.0]], atol=1e-6)
+
+
+def test_a_row_shows_all_of_its_parts_and_what_hides_their_outer_ends_and_none_where_it_was_missed():
+    # A lorry's front and rear, 10 m ahead; the sensor is at the origin, so more y is to its left.
+    own = Boxes(np.array([[10.0, -3.0, 1.0], [10.0, 4.0, 2.0]]), np.ones((2, 3)), np.zeros(2), np.ones(2))
+    nothing = np.zeros(2)
+    for hides, told in (([[False, True], [True, False]], [True, True]), ([[True, False], [False, True]], [False] * 2)):
+        found = Detections.of_objects(own, nothing, nothing, nothing, hidden=np.array(hides))
+        segments = Segments.of_scans([segment_terms(found), segment_terms(Detections.nothing())])
+        body = rows(2, np.tile([10.0, 0.0, 1.0], (2, 1)))
+        body.segment[1] = -1
+        parts = Tracks.of_segments(np.zeros(2, int), np.zeros(2, int), np.arange(2), nothing)
+        shown = shown_intervals(body, parts, segments)
+        np.testing.assert_allclose(shown.low, [[-0.5, -3.5, -0.5], [np.nan] * 3])
+        np.testing.assert_allclose(shown.high, [[0.5, 4.5, 1.5], [np.nan] * 3])
+        np.testing.assert_array_equal(shown.hidden, [told, [False, False]])
 
 
 def test_a_car_that_stands_has_no_velocity_though_its_front_comes_into_sight_and_goes():
@@ -63,7 +77,7 @@ def test_a_car_that_stands_has_no_velocity_though_its_front_comes_into_sight_and
     found = made_whole(own, np.tile([-20.0, 0.0, 1.5], (50, 1)))
     assert np.abs(found.velocity[25:]).max() < 0.2
     np.testing.assert_allclose(found.velocity[5:15, 0], 5.0, atol=0.3)
-    np.testing.assert_allclose(found.size, np.tile([4.5, 1.8, 1.6], (50, 1)))  # its front end is never seen
+    np.testing.assert_allclose(found.size, np.tile([4.5, 1.8, 1.6], (50, 1)), atol=3e-3)  # its front end is never seen
     np.testing.assert_allclose(found.center[30:, 0], 12.25, atol=0.1)
 
 
@@ -83,12 +97,12 @@ def test_a_car_is_as_long_as_it_showed_if_both_ends_were_seen(origin, hides, len
         np.column_stack([np.arange(n) * 0.8, np.zeros(n), np.ones(n)]), np.tile([4.1, 1.8, 1.6], (n, 1)), *np.eye(2, n)
     )
     own.yaw[:] = 0.0
-    hidden = nothing_hidden(n)
+    hidden = np.zeros((n, 2), np.bool_)
     if hides is not None:
         hidden[:, hides] = True
     beside = np.column_stack([own.center[:, 0] + origin[0] - 8.0, np.full(n, origin[1]), np.full(n, 1.8)])
     found = made_whole(own, beside, hidden)
-    np.testing.assert_allclose(found.size[:, :2], np.tile([length, width], (n, 1)))
+    np.testing.assert_allclose(found.size[:, :2], np.tile([length, width], (n, 1)), atol=3e-3)
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
@@ -99,7 +113,7 @@ def test_a_car_that_drives_out_from_behind_something_keeps_its_velocity_as_its_o
     rear = np.where(side * front < length, 0.0, front - side * length)
     center = np.column_stack([0.5 * (front + rear), np.full(n, 10.0), np.full(n, 0.8)])
     own = Boxes(center, np.column_stack([np.abs(front - rear), np.full((n, 2), (1.8, 1.5))]), np.zeros(n), np.ones(n))
-    hidden = nothing_hidden(n)
+    hidden = np.zeros((n, 2), np.bool_)
     hidden[:9, 0 if side > 0.0 else 1] = True  # the sensor is at the origin, so what is at less x is to its left
     found = made_whole(own, np.zeros((n, 3)), hidden)
     np.testing.assert_allclose(found.velocity[:, 0], 4.0 * side, atol=0.2)
@@ -163,12 +177,7 @@ def test_what_a_body_never_showed_is_behind_it_and_moves_it_not_as_the_sensor_pa
 def test_what_does_not_move_keeps_its_box_at_rest():
     tracks = rows(3, np.zeros((3, 3)))
     tracks.velocity[:] = 2.0
-    make_whole(
-        tracks,
-        np.zeros(1, np.bool_),
-        np.arange(3.0),
-        lambda body: body.boxes,
-        lambda body, _: Intervals(body.center, body.center, body.center, nothing_hidden(len(body.track))),
-    )
+    own = Boxes(np.zeros((3, 3)), np.full((3, 3), 2.0), np.zeros(3), np.ones(3))
+    make_whole(tracks, tracks, np.zeros(1, np.bool_), segments_of(own, np.zeros((3, 2))), np.arange(3.0))
     assert not tracks.velocity.any()
     np.testing.assert_array_equal(tracks.size, 1.0)

@@ -4,9 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from automos.objects.extents import Scans
 from automos.objects.places import Places, count_places, held_places, touched_columns
-from automos.objects.tracking import without_standing
+from automos.objects.tracking import Scans, without_standing
 from automos.objects.tracks import Tracks
 from automos.objects.verdict import Verdict, Verdicts
 

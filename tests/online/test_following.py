@@ -1,4 +1,5 @@
 import copy
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -48,9 +49,9 @@ def test_a_copy_goes_its_own_way():
         np.testing.assert_array_equal(getattr(fed, name), column)
 
 
-def seen(stamp: float, found: Detections, is_far: bool = True) -> Found:
-    """Return the segments of a scan taken 20 m behind the origin."""
-    return Found(stamp, found, is_far, np.array([-20.0, 0.0, 1.5]))
+def seen(stamp: float, found: Detections, is_far: bool = True, sensor: tuple[float, float] = (0.0, 0.0)) -> Found:
+    """Return the segments of a scan taken at `sensor`, metres."""
+    return Found(stamp, replace(found, sensor=np.tile(sensor, (len(found), 1))), is_far)
 
 
 def probability(following: Following, stamp: float, *ahead: Found) -> float:
@@ -102,12 +103,12 @@ def test_what_is_seen_for_the_first_time_is_not_known_to_move():
 def test_on_a_path_that_was_wrong_a_parked_car_went_nowhere_and_keeps_its_number():
     following, at = Following(SETTINGS, 0.0), lambda k: -1.0 * k  # while the sensor drives a metre a scan unnoticed
     for k in range(6):
-        following.add(seen(0.1 * k, cars(at(k))))
+        following.add(seen(0.1 * k, cars(at(k)), sensor=(-20.0, 0.0)))
     before = following.at(0.5, [])
     changes = {0.1 * k: make_transform(np.eye(3), [at(5) - at(k), 0.0, 0.0]) for k in range(6)}
     following.move(changes)
     for k in range(6, 8):
-        following.add(seen(0.1 * k, seen_to_move(0.0, at(5))))
+        following.add(seen(0.1 * k, seen_to_move(0.0, at(5)), sensor=(-20.0, 0.0)))
     after = following.at(0.1 * 7, [])
     assert before.here.velocity[0, 0] < -5.0
     assert abs(after.here.velocity[0, 0]) < 0.5

@@ -171,15 +171,23 @@ def _followed(tracks: Tracks, first: Rows, last: Rows, times: Array) -> Iterator
 
 
 def _overlapping(tracks: Tracks, first: Rows, last: Rows) -> Iterator[tuple[Rows, Rows, Rows]]:
-    """Yield pairs of tracks (P,) of which the second begins before the first ends, and the first's rows then."""
+    """Yield pairs of tracks (P,) of which the second begins in the first one's box, which ends in its own; and rows.
+
+    These are the first one's when the second begins.
+    """
     begins = np.zeros(len(tracks.track), np.bool_)
     begins[first] = True
     for rows in tracks.rows_by_scan(int(tracks.scan.max(initial=-1)) + 1):
         new, old = rows[begins[rows]], rows[~begins[rows]]
-        k, j = np.nonzero(lies_within(tracks[new], tracks[old]))
-        a, b = tracks.track[old[j]], tracks.track[new[k]]
-        goes_on = tracks.scan[last[b]] > tracks.scan[last[a]]
-        yield a[goes_on], b[goes_on], old[j][goes_on]
+        k, j = np.nonzero(lies_within(tracks[new[:, None]], tracks[old]))
+        a, b, row = tracks.track[old[j]], tracks.track[new[k]], old[j]
+        after = tracks.scan[last[a]] - tracks.scan[row]
+        goes_on = np.flatnonzero(after < last[b] - first[b])
+        a, b, row, after = a[goes_on], b[goes_on], row[goes_on], after[goes_on]
+        at, there = last[a], first[b] + after
+        apart = np.hypot(*(tracks.center[there] - tracks.center[at])[:, :2].T)
+        is_there = apart <= 0.5 * (tracks.size[at, 0] + tracks.size[there, 0])
+        yield a[is_there], b[is_there], row[is_there]
 
 
 def _link_score(

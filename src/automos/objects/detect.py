@@ -23,6 +23,7 @@ from automos.objects.boxes import fit_boxes
 from automos.objects.detections import Detections
 from automos.objects.kinds import EXTENT, Kind
 from automos.objects.occlusion import Nearest, hidden_sides, nearest_points
+from automos.objects.outlines import outlines
 from automos.objects.segments import segment_points
 from automos.settings import DetectSettings
 
@@ -139,7 +140,8 @@ def _describe(ids: Ids, seen: ScanPoints, nearest: Nearest, sensor: tuple[float,
     count, moved, stayed, _, lift, _, solid = _summarise(ids, *seen)
     hidden = hidden_sides(ids, nearest, len(count))
     boxes = fit_boxes(seen.points, ids, np.ones(len(count)))
-    return Detections.of_objects(boxes, count, moved, stayed, lift, solid, hidden, sensor)
+    outline = outlines(seen.points, ids, boxes)
+    return Detections.of_objects(boxes, count, moved, stayed, lift, solid, hidden, sensor, outline)
 
 
 def _renumbered(ids: Ids, is_kept: Mask, first: int) -> tuple[Ids, int]:

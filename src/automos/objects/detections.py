@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from automos.core.scan import Pose
 from automos.core.upright_boxes import Boxes
+from automos.objects.outlines import corners
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +37,8 @@ class Detections:
         Whether something nearer is beside its left and its right end, seen from the sensor.
     sensor : (M, 2) float64
         Metres, level frame: from where it was seen.
+    outline : (M, K, 2) float32
+        Metres, level frame: where its outermost points are, from the centre of its box, see `outlines`.
     """
 
     boxes: Boxes
@@ -48,6 +51,7 @@ class Detections:
     solidity: npt.NDArray[np.float64]
     hidden: npt.NDArray[np.bool_]
     sensor: npt.NDArray[np.float64]
+    outline: npt.NDArray[np.float32]
 
     def __len__(self) -> int:
         return len(self.boxes)
@@ -57,7 +61,8 @@ class Detections:
 
     def moved(self, T: Pose) -> Detections:
         """Return them where the scan is elsewhere, by the (4, 4) `T` of the level frame."""
-        return replace(self, boxes=self.boxes.transformed(T), sensor=self.sensor @ T[:2, :2].T + T[:2, 3])
+        sensor, outline = self.sensor @ T[:2, :2].T + T[:2, 3], self.outline @ T[:2, :2].T.astype(np.float32)
+        return replace(self, boxes=self.boxes.transformed(T), sensor=sensor, outline=outline)
 
     @property
     def moving_share(self) -> npt.NDArray[np.float64]:
@@ -74,14 +79,17 @@ class Detections:
         solidity: npt.NDArray[np.float64] | None = None,
         hidden: npt.NDArray[np.bool_] | None = None,
         sensor: tuple[float, float] = (0.0, 0.0),
+        outline: npt.NDArray[np.float32] | None = None,
     ) -> Detections:
-        """Return segments that may all be objects, none a part of another; by default solid and on the ground."""
+        """Return segments that may all be objects, none a part of another; by default solid boxes on the ground."""
         n = len(boxes)
         lift = np.zeros(n) if lift is None else lift
         solidity = np.ones(n) if solidity is None else solidity
         hidden = np.zeros((n, 2), np.bool_) if hidden is None else hidden
+        outline = corners(boxes) if outline is None else outline
         nothing_stayed, whole, seen_from = np.zeros(n, np.bool_), np.full(n, -1, np.int32), np.tile(sensor, (n, 1))
-        return Detections(boxes, n_points, n_moving, n_static, nothing_stayed, whole, lift, solidity, hidden, seen_from)
+        shown = lift, solidity, hidden, seen_from, outline
+        return Detections(boxes, n_points, n_moving, n_static, nothing_stayed, whole, *shown)
 
     @staticmethod
     def nothing() -> Detections:

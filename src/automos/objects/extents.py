@@ -5,8 +5,7 @@ stands. In that heading, the points of every scan span an interval along, across
 the body's life are its extent, and the face towards the sensor says where the body is at that moment.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -14,14 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.geometry import Array
-from automos.core.parallel import map_in_order
-from automos.core.scan import Frames, Mask
-from automos.core.stages import Stage
-from automos.core.upright_boxes import Boxes
+from automos.core.scan import Mask
 from automos.objects.kinds import whole_extent
 from automos.objects.motion import NOISE, smooth_paths, ways_around
-from automos.objects.object_points import tracks_of_points
-from automos.objects.tracks import Tracks
+from automos.objects.terms import Segments
+from automos.objects.tracks import Tracks, of_rows
 
 Rows = npt.NDArray[np.int64]
 SURE = 3.0  # standard deviations from which on a direction is told, or two disagree
@@ -31,57 +27,37 @@ ROUNDS = 2  # the heading needs centres, the centres a heading
 ASKEW = 0.5  # sine of the angle to the line of sight, from which on a body's end is at its left or right side
 
 
-@dataclass(frozen=True, eq=False)
-class Scans:
-    """The scans of a recording, their names, and the results of the earlier stages."""
-
-    frames: Frames
-    names: list[str]
-    candidates: Stage
-    instances: Stage
-
-
 class Intervals(NamedTuple):
     """What bodies show in each row of a table, about the centre of its box; NaN where there are no points."""
 
     low: Array  # (R, 3) metres, ends of the points along, across and above the box
     high: Array  # (R, 3) metres
-    origin: Array  # (R, 3) metres, place of the sensor in these coordinates
+    sensor: Array  # (R, 2) metres, place of the sensor in these coordinates
     hidden: npt.NDArray[np.bool_]  # (R, 2) whether something nearer hides what is left and right of the points
 
 
-def make_whole(
-    tracks: Tracks,
-    is_moving: Mask,
-    stamps: Array,
-    own: Callable[[Tracks], Boxes],
-    shown: Callable[[Tracks, Boxes], Intervals],
-) -> None:
+def make_whole(tracks: Tracks, parts: Tracks, is_moving: Mask, segments: Segments, stamps: Array) -> None:
     """Give what moves (T,) whole boxes and velocities, in place; the others stay as they are, at rest.
 
-    Parameters
-    ----------
-    stamps : (N,) seconds.
-    own : returns the boxes of the segments of rows, NaN where there is none.
-    shown : returns what bodies show in rows, of which the second argument is `own`.
+    parts : all segments of the tracks, sorted by track, then scan.   stamps : (N,) seconds.
     """
-    rows = np.flatnonzero(is_moving[tracks.track])
-    whole = _whole_boxes(tracks[rows], stamps, own, shown)
+    rows, shown = np.flatnonzero(is_moving[tracks.track]), np.flatnonzero(is_moving[parts.track] & parts.is_observed)
+    whole = _whole_boxes(tracks[rows], parts[shown], segments, stamps)
     tracks.velocity[:] = 0.0
     for column in ("center", "size", "yaw", "velocity"):
         getattr(tracks, column)[rows] = getattr(whole, column)
 
 
-def _whole_boxes(
-    body: Tracks, stamps: Array, own: Callable[[Tracks], Boxes], shown: Callable[[Tracks, Boxes], Intervals]
-) -> Tracks:
+def _whole_boxes(body: Tracks, parts: Tracks, segments: Segments, stamps: Array) -> Tracks:
     """Return the rows of bodies with their whole boxes and velocities; see `make_whole`."""
     first = np.append(np.flatnonzero(np.diff(body.track, prepend=-1)), len(body.track))
-    times, boxes = stamps[body.scan], own(body)
-    measured, yaw, length = boxes.center, np.nan_to_num(boxes.yaw), np.nan_to_num(boxes.size[:, 0])
+    times, own = stamps[body.scan], segments.of(body)
+    x, y, low, high = of_rows(own, segments.terms.faces).T
+    side = np.nan_to_num(of_rows(own, segments.terms.side)) @ (1.0, 1.0j)
+    measured, yaw, length = np.stack([x, y, 0.5 * (low + high)], axis=-1), np.angle(side), np.abs(side)
     for _ in range(ROUNDS):
         body = _along(body, first, times, measured, yaw, length)
-        seen = shown(body, boxes)
+        seen = shown_intervals(body, parts, segments)
         body = replace(body, size=extents(first, seen.low, seen.high))
         measured = centers(body, seen)
     # What is added to what a body showed lies behind it: its place there changes with the place of the sensor.
@@ -139,46 +115,31 @@ def headings(first: Rows, times: Array, path: Array, yaw: Array, length: Array) 
     return out + np.where(agree, off * of_motion**2 / (of_motion**2 + of_side**2), 0.0)
 
 
-def shown_intervals(tracks: Tracks, scans: Scans, parts: Tracks, workers: int) -> Intervals:
-    """Return what the points of each row show, those of all its `parts`."""
-    rows_of, parts_of = tracks.rows_by_scan(len(scans.names)), parts.rows_by_scan(len(scans.names))
-    out, hidden = np.full((3, len(tracks.track), 3), np.nan), np.zeros((len(tracks.track), 2), np.bool_)
-
-    def look(i: int) -> None:
-        frame, about = scans.frames[i], scans.instances.load(scans.names[i], "ids", "stayed", "hidden")
-        owner = tracks_of_points(about["ids"], about["stayed"], parts[parts_of[i]])
-        segment = np.where(about["ids"] >= 0, about["ids"], about["stayed"])
-        mine = np.flatnonzero(owner >= 0)
-        mine = mine[np.argsort(owner[mine], kind="stable")]
-        begins = np.searchsorted(owner[mine], tracks.track[rows_of[i]])
-        ends = np.searchsorted(owner[mine], tracks.track[rows_of[i]], side="right")
-        for row, begin, end in zip(rows_of[i], begins, ends, strict=True):
-            if end > begin:
-                own = mine[begin:end]
-                points = np.vstack([frame.points_level[own], frame.origin_level])
-                local = _turned(points - tracks.center[row], -tracks.yaw[row])
-                out[0, row], out[1, row], out[2, row] = local[:-1].min(axis=0), local[:-1].max(axis=0), local[-1]
-                turn = local[:-1, :2] @ _to_the_left(local[:-1, :2].mean(axis=0) - local[-1, :2])
-                for side, at in enumerate((turn.argmax(), turn.argmin())):
-                    hidden[row, side] = about["hidden"][segment[own[at]], side]
-
-    asked = [i for i in range(len(scans.names)) if len(parts_of[i])]
-    for _ in map_in_order(look, asked, workers, threads=True):
-        pass
-    return Intervals(out[0], out[1], out[2], hidden)
-
-
-def boxed_intervals(tracks: Tracks, own: Boxes, origin: Array, hidden: npt.NDArray[np.bool_]) -> Intervals:
-    """Return what the segments of all rows show, of which only the boxes are known.
-
-    origin : (N, 3) metres, the place of the sensor in each scan.   hidden : (R, 2) see `Intervals`.
-    """
-    c, s = np.abs(np.cos(own.yaw - tracks.yaw)), np.abs(np.sin(own.yaw - tracks.yaw))
-    length, width, height = 0.5 * own.size.T
-    half = np.stack([c * length + s * width, s * length + c * width, height], axis=-1)
-    center = _turned(own.center - tracks.center, -tracks.yaw)
-    local = _turned(origin[tracks.scan] - tracks.center, -tracks.yaw)
-    return Intervals(center - half, center + half, local, hidden)
+def shown_intervals(tracks: Tracks, parts: Tracks, segments: Segments) -> Intervals:
+    """Return what the segments of each row show, those of all its `parts`, by their outlines."""
+    n_scans = len(segments.begins)
+    row = np.searchsorted(tracks.track * n_scans + tracks.scan, parts.track * n_scans + parts.scan)
+    begin = np.flatnonzero(np.diff(row, prepend=-1))
+    terms, seen, group = segments.terms[segments.of(parts)], row[begin], np.cumsum(np.diff(row, prepend=-1) > 0) - 1
+    low, high = np.full((2, len(tracks.track), 3), np.nan)
+    sensor, hidden = np.full((len(tracks.track), 2), np.nan), np.zeros((len(tracks.track), 2), np.bool_)
+    turn = np.exp(-1j * tracks.yaw)
+    # Where a complex number is a place in the plane, a turn is a product.
+    place = (terms.faces[:, :2] - tracks.center[row, :2]) @ (1.0, 1.0j)
+    outline = (place[:, None] + terms.outline.astype(np.float64) @ (1.0, 1.0j)) * turn[row, None]
+    ends = np.stack([outline.real, outline.imag], axis=-1)
+    low[seen, :2] = np.minimum.reduceat(ends.min(axis=1), begin)
+    high[seen, :2] = np.maximum.reduceat(ends.max(axis=1), begin)
+    low[seen, 2] = np.minimum.reduceat(terms.faces[:, 2], begin) - tracks.center[seen, 2]
+    high[seen, 2] = np.maximum.reduceat(terms.faces[:, 3], begin) - tracks.center[seen, 2]
+    at = (terms.sensor[begin] - tracks.center[seen, :2]) @ (1.0, 1.0j) * turn[seen]
+    sensor[seen] = np.stack([at.real, at.imag], axis=-1)
+    left = _to_the_left(0.5 * (low[seen] + high[seen])[:, :2] - sensor[seen])
+    across = (ends @ left[group][..., None])[..., 0]
+    for side, to_left in enumerate((across.max(axis=1), -across.min(axis=1))):
+        is_end = to_left == np.maximum.reduceat(to_left, begin)[group]
+        hidden[seen, side] = np.logical_or.reduceat(is_end & terms.hidden[:, side], begin)
+    return Intervals(low, high, sensor, hidden)
 
 
 def extents(first: Rows, low: Array, high: Array) -> Array:
@@ -203,13 +164,12 @@ def centers(tracks: Tracks, seen: Intervals) -> Array:
 
     What is seen of a body behind something nearer ends where that does; its other end is its own.
     """
-    low, high, origin, _ = seen
+    low, high, sensor, _ = seen
     half, middle = 0.5 * tracks.size, 0.5 * (low + high)
-    from_high, from_low = origin > high, origin < low
-    from_high[:, 2], from_low[:, 2] = True, False  # the ground hides what is low
     _, is_low_hidden, is_high_hidden = _sides(seen)
-    from_high[:, :2] = (from_high[:, :2] | is_low_hidden) & ~is_high_hidden
-    from_low[:, :2] = (from_low[:, :2] | is_high_hidden) & ~is_low_hidden
+    from_high = ((sensor > high[:, :2]) | is_low_hidden) & ~is_high_hidden
+    from_low = ((sensor < low[:, :2]) | is_high_hidden) & ~is_low_hidden
+    from_high, from_low = (np.insert(of, 2, is_top, axis=1) for of, is_top in ((from_high, True), (from_low, False)))
     is_short = high - low < tracks.size
     center = np.where(is_short & from_high, high - half, np.where(is_short & from_low, low + half, middle))
     return tracks.center + _turned(center, tracks.yaw)
@@ -229,8 +189,8 @@ def shown_whole(first: Rows, size: Array, seen: Intervals) -> Mask:
 
 def _sides(seen: Intervals) -> tuple[Mask, Mask, Mask]:
     """Return (R, 2) whether bodies are seen from beside each axis, and whether its low and its high end are hidden."""
-    low, high, origin, hidden = seen
-    left = _to_the_left(0.5 * (low + high)[:, :2] - origin[:, :2])
+    low, high, sensor, hidden = seen
+    left = _to_the_left(0.5 * (low + high)[:, :2] - sensor)
     is_low_hidden = hidden[:, :1] & (left < -ASKEW) | hidden[:, 1:] & (left > ASKEW)
     is_high_hidden = hidden[:, :1] & (left > ASKEW) | hidden[:, 1:] & (left < -ASKEW)
     return np.abs(left) > ASKEW, is_low_hidden, is_high_hidden

@@ -1,8 +1,8 @@
 """Parts: which tracklets are pieces of a moving body.
 
 Two solid bodies are never in one place. So a tracklet that lies within a moving body's box in most of its scans is a
-part of it: a wheel, a mirror, the edge of a roof. So is what lies where the body must be, shortly before it is first
-followed and after it is last.
+part of it: a wheel, the edge of a roof. So is what goes with it beside it, as a mirror; of a body that stands, nobody
+can tell that. So is what lies where the body must be, shortly before it is first followed and after it is last.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.scan import Mask
-from automos.objects.motion import ACCELERATION
+from automos.objects.motion import ACCELERATION, NOISE
 from automos.objects.tracks import Tracks, counted
 
 Rows = npt.NDArray[np.int64]
@@ -29,12 +29,15 @@ def parts_of_bodies(tracks: Tracks, is_moving: Mask, weight: npt.NDArray, times:
     rows, body_rows = _enclosed(tracks, bodies)
     lighter = weight[tracks.track[rows]] < weight[bodies.track[body_rows]]
     rows, body_rows = rows[lighter], body_rows[lighter]
+    is_inside = lies_within(tracks[rows], bodies[body_rows], NOISE)
     part, body = tracks.track[rows], bodies.track[body_rows]
     pairs, begin, n_scans = _grouped(part, body)
     end = begin + n_scans - 1
     way = bodies.center[body_rows[end]] - bodies.center[body_rows[begin]]
     apart = tracks.center[rows[end]] - tracks.center[rows[begin]] - way
-    goes_with = np.linalg.norm(apart, axis=1) <= np.maximum(0.5 * np.linalg.norm(way, axis=1), BESIDE)
+    way = np.linalg.norm(way, axis=1)
+    goes_with = np.linalg.norm(apart, axis=1) <= np.maximum(0.5 * way, BESIDE)
+    n_scans = np.where(way > BESIDE, n_scans, np.add.reduceat(is_inside, begin, dtype=np.int64))
     share = n_scans / np.bincount(tracks.track[tracks.is_observed], minlength=len(tracks))[pairs[:, 0]]
     share[~goes_with] = 0.0
     owner = np.arange(len(tracks))
@@ -76,7 +79,7 @@ def _enclosed(tracks: Tracks, bodies: Tracks) -> tuple[Rows, Rows]:
     found: list[tuple[Rows, Rows]] = [(np.zeros(0, np.int64),) * 2]
     n = 1 + int(max(tracks.scan.max(initial=-1), bodies.scan.max(initial=-1)))
     for here, there in zip(tracks.rows_by_scan(n), bodies.rows_by_scan(n), strict=True):
-        k, j = np.nonzero(lies_within(tracks[here], bodies[there]))
+        k, j = np.nonzero(lies_within(tracks[here[:, None]], bodies[there]))
         found.append((here[k], there[j]))
     rows, body_rows = (np.concatenate(column) for column in zip(*found, strict=True))
     is_other = tracks.is_observed[rows] & (tracks.track[rows] != bodies.track[body_rows])
@@ -91,14 +94,14 @@ def _grouped(a: Rows, b: Rows) -> tuple[Rows, Rows, Rows]:
     return np.stack([a[begin], b[begin]], axis=1), begin, np.diff(np.append(begin, len(a)))
 
 
-def lies_within(tracks: Tracks, bodies: Tracks) -> Mask:
-    """Return (K, J) whether the centre of each of `tracks` (K rows) is within the box of each of `bodies` (J rows).
+def lies_within(tracks: Tracks, bodies: Tracks, beside: float = BESIDE) -> Mask:
+    """Return (...) whether the centre of each of `tracks` is within the box of the one of `bodies`; columns broadcast.
 
     Of height it is enough that both boxes touch: a body that rolls does not float.
     """
-    offset = tracks.center[:, None] - bodies.center
+    x, y, z = np.moveaxis(tracks.center - bodies.center, -1, 0)
     c, s = np.cos(bodies.yaw), np.sin(bodies.yaw)
-    along = np.abs(c * offset[..., 0] + s * offset[..., 1]) - 0.5 * bodies.size[:, 0]
-    across = np.abs(c * offset[..., 1] - s * offset[..., 0]) - 0.5 * bodies.size[:, 1]
-    above = np.abs(offset[..., 2]) - 0.5 * (tracks.size[:, 2, None] + bodies.size[:, 2])
-    return np.maximum(np.maximum(along, across), above) <= BESIDE
+    along = np.abs(c * x + s * y) - 0.5 * bodies.size[..., 0]
+    across = np.abs(c * y - s * x) - 0.5 * bodies.size[..., 1]
+    above = np.abs(z) - 0.5 * (tracks.size[..., 2] + bodies.size[..., 2])
+    return np.maximum(np.maximum(along, across), above) <= beside

@@ -11,8 +11,7 @@ sqrt(n) + 0.5 / n of the neighbours of a ray are on the face, too; porosity is t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -47,7 +46,8 @@ class SegmentTerms(ColumnData):
     counts : (M, 3) float32, numbers of all its points, of those that have moved and of those that have stayed.
     is_asked : (M,) bool, whether scans a second or more away were asked.
     part_of : (M,) int, the segment that it was cut out of, -1 for none.
-    has_stayed : (M,) bool, see `Detections`.
+    has_stayed : (M,) bool, hidden : (M, 2) bool, and outline : (M, K, 2) float16, metres; see `Detections`.
+    side : (M, 2) float32, metres along x and y: the longer side of its box.
     """
 
     faces: Array
@@ -58,6 +58,9 @@ class SegmentTerms(ColumnData):
     is_asked: npt.NDArray[np.bool_]
     part_of: npt.NDArray[np.integer]
     has_stayed: npt.NDArray[np.bool_]
+    hidden: npt.NDArray[np.bool_]
+    outline: npt.NDArray[np.float16]
+    side: npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,10 +77,12 @@ class Segments:
     begins: npt.NDArray[np.int64]
 
     @classmethod
-    def of_scans(cls, scans: Sequence[SegmentTerms]) -> Segments:
-        """Return the segments of all `scans`."""
+    def of_scans(cls, scans: list[SegmentTerms]) -> Segments:
+        """Return the segments of all `scans`, a list that is emptied: a column at a time is there twice."""
         begins = np.cumsum([0, *map(len, scans)])
-        terms = SegmentTerms.concatenate([segment_terms(Detections.nothing()), *scans])
+        columns = [list(of.to_arrays().values()) for of in (segment_terms(Detections.nothing()), *scans)]
+        scans.clear()
+        terms = SegmentTerms(*(np.concatenate([of.pop(0) for of in columns]) for _ in fields(SegmentTerms)))
         is_part, first = terms.part_of >= 0, np.repeat(begins[:-1], np.diff(begins))
         return cls(replace(terms, part_of=np.where(is_part, terms.part_of + first, -1)), begins)
 
@@ -111,8 +116,12 @@ def segment_terms(found: Detections, is_asked: bool = True) -> SegmentTerms:
     says = is_asked | (_known(counts, asked).sum(axis=-1) > 0.0)
     evidence = says * (BODY + of_bodies + _evidence(counts, asked))
     faces = np.stack([x, y, z - half, z + half], axis=-1)
-    kept = counts.astype(np.float32), asked, found.part_of, found.has_stayed
-    return SegmentTerms(faces, _ends(found), found.sensor.astype(np.float32), evidence, *kept)
+    kept = counts.astype(np.float32), asked, found.part_of, found.has_stayed, found.hidden
+    length, yaw = found.boxes.size[:, :1], found.boxes.yaw
+    side = (length * np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)).astype(np.float32)
+    return SegmentTerms(
+        faces, _ends(found), found.sensor.astype(np.float32), evidence, *kept, found.outline.astype(np.float16), side
+    )
 
 
 def each_for_itself(segments: Segments, tracks: Tracks) -> Segments:

@@ -5,18 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.core.geometry import Array
 from automos.core.parallel import map_in_order, return_memory
-from automos.core.scan import OBJECT, Mask
-from automos.core.upright_boxes import Boxes
+from automos.core.scan import OBJECT, Frames, Mask
+from automos.core.stages import Stage
 from automos.objects.bodies import cut_where_two, joined, links_in_time
 from automos.objects.detections import Detections
-from automos.objects.extents import Intervals, Scans, make_whole, shown_intervals
+from automos.objects.extents import make_whole
 from automos.objects.judge import is_scenery, judge_tracks, moving_now
 from automos.objects.kinds import EXTENT, Kind
 from automos.objects.object_points import paint_objects, tracks_of_points
@@ -35,6 +34,16 @@ neither extent nor path is known, and what is lost and found again in pieces is 
 SCRAP = 0.9
 """Probability from which on such a scrap moves: where poses slip for a moment, everything seems to."""
 _OF_PARTS = ("track", "scan", "segment", "p_moving")
+
+
+@dataclass(frozen=True, eq=False)
+class Scans:
+    """The scans of a recording, their names, and the results of the earlier stages."""
+
+    frames: Frames
+    names: list[str]
+    candidates: Stage
+    instances: Stage
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,17 +104,14 @@ def follow_and_judge(scans: Scans, settings: Settings, workers: int) -> TrackedO
         return found
 
     followed = zip(stamps, map(noted, detections), strict=True)
-    tracks, parts, segments = _bodies(scans, track_objects(followed, tracking), seen, workers)
+    tracks, parts, segments = _bodies(track_objects(followed, tracking), seen, stamps)
     verdicts = _judged(tracks, segments, stamps)
-    kept = ~is_scenery(tracks, verdicts.is_moving, segments)
     enough = ENOUGH * min(1.0, 0.5 * np.ptp(stamps)) if len(stamps) else 0.0  # less in a short recording
     is_scrap = verdicts.is_moving & is_small(parts, len(tracks), segments, stamps, enough)
     is_sure = is_scrap & (verdicts.confidence >= SCRAP)
     scraps = of_tracks(parts, is_sure)
     scraps = replace(scraps, p_moving=verdicts[is_sure].confidence[scraps.track])
-    kept &= ~is_scrap
-    tracks, parts, verdicts = of_tracks(tracks, kept), of_tracks(parts, kept), verdicts[kept]
-    _make_whole(scans, tracks, parts, verdicts.is_moving, workers)
+    tracks, parts, verdicts = of_tracks(tracks, ~is_scrap), of_tracks(parts, ~is_scrap), verdicts[~is_scrap]
     counts = segments.counts_of(tracks)
     del segments  # what is looked for now is large, too
     places = find_places(scans, tracks, parts, verdicts, settings, workers)
@@ -142,52 +148,32 @@ def is_small(parts: Tracks, n: int, segments: Segments, stamps: Array, enough: f
     return ~np.isin(np.arange(n), parts.track[first[is_enough]])
 
 
-def _bodies(scans: Scans, tracks: Tracks, seen: list[SegmentTerms], workers: int) -> tuple[Tracks, Tracks, Segments]:
+def _bodies(tracks: Tracks, seen: list[SegmentTerms], stamps: Array) -> tuple[Tracks, Tracks, Segments]:
     """Return the rows of bodies, of the tracklets `tracks` that are one thing, those of all their parts, and `seen`.
 
+    Whose extent and path are known of more sights has more parts and goes on farther, until nothing more is one.
     Scenery that has to do with no body is left out.
     """
     segments = each_for_itself(Segments.of_scans(seen), tracks)
-    seen.clear()
-    stamps, terms = scans.frames.stamps, segments.terms
+    terms = segments.terms
+    return_memory()
     is_moving, evidence = _judged(tracks, segments, stamps).is_moving, of_rows(segments.of(tracks), terms.evidence)
-    tracks = cut_where_two(tracks, is_moving, evidence, stamps)
-    is_moving = _judged(tracks, segments, stamps).is_moving
-    _make_whole(scans, tracks, tracks, is_moving, workers)
-    evidence, n_points = (of_rows(segments.of(tracks), column) for column in (terms.evidence, terms.counts[:, 0]))
-    n_points = np.nan_to_num(n_points)
-    owner = parts_of_bodies(tracks, is_moving, np.bincount(tracks.track, n_points, len(tracks)), stamps)
-    is_whole = np.bincount(tracks.track, owner == tracks.track, len(tracks)) > 0
-    ends, beginnings = links_in_time(tracks, is_moving, is_whole, evidence, stamps)
-    kept = ~is_scenery(tracks, is_moving, segments)
-    kept[np.concatenate([ends, beginnings, tracks.track[owner != tracks.track]])] = True
-    number, rows = np.cumsum(kept) - 1, kept[tracks.track]
-    tracks = of_tracks(tracks, kept)
-    return *joined(tracks, number[owner[rows]], number[ends], number[beginnings], n_points[rows]), segments
-
-
-def _make_whole(scans: Scans, tracks: Tracks, parts: Tracks, is_moving: Mask, workers: int) -> None:
-    """Give moving bodies their whole boxes, in place; the others stay as they are, at rest."""
-    parts = parts[np.flatnonzero(is_moving[parts.track] & parts.is_observed)]
-
-    def shown(body: Tracks, _: Boxes) -> Intervals:
-        return shown_intervals(body, scans, parts, workers)
-
-    return_memory()
-    make_whole(tracks, is_moving, scans.frames.stamps, partial(_segments_of, scans), shown)
-    return_memory()
-
-
-def _segments_of(scans: Scans, tracks: Tracks) -> Boxes:
-    """Return (R,) the boxes of the segments themselves, NaN where there is none."""
-    out = Boxes(*(np.full_like(column, np.nan) for column in tracks.boxes.to_arrays().values()))
-    for name, rows in zip(scans.names, tracks.rows_by_scan(len(scans.names)), strict=True):
-        rows = rows[tracks.is_observed[rows]]
-        if len(rows):
-            found = scans.instances.load(name, *out.to_arrays())
-            for column, values in out.to_arrays().items():
-                values[rows] = found[column][tracks.segment[rows]]
-    return out
+    tracks = parts = cut_where_two(tracks, is_moving, evidence, stamps)
+    while True:
+        is_moving = _judged(tracks, segments, stamps).is_moving
+        make_whole(tracks, parts, is_moving, segments, stamps)
+        n_points = np.nan_to_num(of_rows(segments.of(parts), terms.counts[:, 0]))
+        owner = parts_of_bodies(tracks, is_moving, np.bincount(parts.track, n_points, len(tracks)), stamps)
+        is_whole = np.bincount(tracks.track, owner == tracks.track, len(tracks)) > 0
+        evidence = of_rows(segments.of(tracks), terms.evidence)
+        ends, beginnings = links_in_time(tracks, is_moving, is_whole, evidence, stamps)
+        kept = ~is_scenery(tracks, is_moving, segments)
+        if not len(ends) and np.array_equal(owner, tracks.track):
+            return of_tracks(tracks, kept), observed(of_tracks(parts, kept)), segments
+        kept[np.concatenate([ends, beginnings, tracks.track[owner != tracks.track]])] = True
+        number, rows, first = np.cumsum(kept) - 1, kept[parts.track], tracks.first_rows()[parts.track]
+        owner = number[owner[first + parts.scan - tracks.scan[first]][rows]]
+        tracks, parts = joined(of_tracks(parts, kept), owner, number[ends], number[beginnings], n_points[rows])
 
 
 def find_places(

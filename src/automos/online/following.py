@@ -16,13 +16,13 @@ import numpy.typing as npt
 from automos.core.scan import Mask, Pose
 from automos.core.upright_boxes import Boxes
 from automos.objects.detections import Detections
-from automos.objects.extents import Intervals, boxed_intervals, make_whole
+from automos.objects.extents import make_whole
 from automos.objects.judge import Past, is_scenery, judge_tracks, moving_now, past_of
 from automos.objects.looks import MEMORY
 from automos.objects.terms import Segments, SegmentTerms, each_for_itself, segment_terms
 from automos.objects.tracker import Tracker, can_follow, until_last_seen
 from automos.objects.tracking import ENOUGH, SCRAP, is_small
-from automos.objects.tracks import Tracks, observed, of_rows
+from automos.objects.tracks import Tracks, observed
 from automos.objects.verdict import Verdict, Verdicts
 from automos.settings import TrackingSettings
 
@@ -57,7 +57,7 @@ class Followed:
 
 
 class Found(NamedTuple):
-    """The segments of the scan at `stamp`, seconds, and the place of the sensor (3,), metres.
+    """The segments of the scan at `stamp`, seconds.
 
     is_far : whether some of the scans with which it was compared are a second or more away.
     """
@@ -65,7 +65,6 @@ class Found(NamedTuple):
     stamp: float
     segments: Detections
     is_far: bool
-    origin: npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +128,7 @@ class Following:
             verdicts = _not_moving(verdicts, verdicts.is_moving)
         kept = ~is_scenery(tracks, verdicts.is_moving, segments)
         rows = np.flatnonzero((tracks.scan == scan) & kept[tracks.track])
-        _make_whole(tracks, verdicts.is_moving, steps, segments, stamps)
+        make_whole(tracks, observed(tracks), verdicts.is_moving, segments, stamps)
         return Followed(moving_now(tracks, verdicts, stamps)[rows], verdicts, numbers, is_followed)
 
     def _judged(
@@ -187,7 +186,7 @@ def _many_move(terms: SegmentTerms) -> bool:
 def _moved(step: _Step, T: Pose) -> _Step:
     """Return a step whose scan is elsewhere, by `T` (4, 4) of the level frame."""
     found, rows = step.found, step.rows
-    found = found._replace(segments=found.segments.moved(T), origin=T[:3, :3] @ found.origin + T[:3, 3])
+    found = found._replace(segments=found.segments.moved(T))
     boxes = Boxes(rows.center, rows.size, rows.yaw, np.ones(len(rows.yaw))).transformed(T)
     rows = replace(rows, center=boxes.center, yaw=boxes.yaw, velocity=rows.velocity @ T[:3, :3].T)
     return _Step(found, rows, segment_terms(found.segments, found.is_far))
@@ -203,23 +202,6 @@ def _not_moving(verdicts: Verdicts, which: Mask) -> Verdicts:
 def _next_step(tracker: Tracker, found: Found) -> _Step:
     """Return the next step of `tracker`, which it changes."""
     return _Step(found, tracker.step(found.stamp, found.segments), segment_terms(found.segments, found.is_far))
-
-
-def _make_whole(
-    tracks: Tracks, is_moving: Mask, steps: list[_Step], segments: Segments, stamps: npt.NDArray[np.float64]
-) -> None:
-    """Give what moves whole boxes, in place, from the boxes of the segments: of points there are none any more."""
-    boxes = Boxes.concatenate([step.found.segments.boxes for step in steps])
-    hidden = np.concatenate([step.found.segments.hidden for step in steps])
-    origin = np.array([step.found.origin for step in steps])
-
-    def own(body: Tracks) -> Boxes:
-        return Boxes(*(of_rows(segments.of(body), column) for column in boxes.to_arrays().values()))
-
-    def shown(body: Tracks, boxes: Boxes) -> Intervals:
-        return boxed_intervals(body, boxes, origin, of_rows(segments.of(body), hidden) == 1.0)
-
-    make_whole(tracks, is_moving, stamps, own, shown)
 
 
 def _through(steps: list[_Step], scan: int) -> tuple[Tracks, npt.NDArray[np.int64]]:

@@ -49,7 +49,7 @@ class SegmentedScan:
     def found(self, is_far: bool) -> Found:
         """Return its segments, with whether it was compared with scans a second or more away."""
         segments = Detections.from_arrays(self.segments or {}).moved(self.T_moved)
-        return Found(self.stamp, segments, is_far, self.frame.origin_level)
+        return Found(self.stamp, segments, is_far)
 
 
 @dataclass(frozen=True, eq=False)
