@@ -43,24 +43,29 @@ MAX_YAML = 32_768
 
 
 @contextmanager
-def damage_reported(path: Path | str, what: str = "is damaged, or not what its name says") -> Iterator[None]:
-    """Raise InputError that names `path` for whatever goes wrong in the block.
+def damage_reported(
+    path: Path | str,
+    what: str = "is damaged, or not what its name says",
+    remedy: str = "copy it again",
+    missing: str = "",
+    kinds: type[Exception] | tuple[type[Exception], ...] = DAMAGE,
+) -> Iterator[None]:
+    """Raise InputError that names `path` for whatever goes wrong in the block, `what` that means and a `remedy`.
 
-    Raises
-    ------
-    InputError
-        Something did.
+    Of what is not there, `missing` says what to do. `kinds` is what damage raises: others' libraries raise anything.
     """
     try:
         yield
     except AutomosError:
         raise
     except OSError as error:
+        if missing and isinstance(error, FileNotFoundError):
+            raise InputError(f"{path} is missing; {missing}") from None
         within = error.filename if str(error.filename).startswith(str(path)) else path
         raise InputError(f"{within} cannot be read: {error.strerror or error}") from error
-    except DAMAGE as error:
+    except kinds as error:
         why = " ".join(str(error).split())[:200] or type(error).__name__
-        raise InputError(f"{path} {what} ({why}); copy it again") from error
+        raise InputError(f"{path} {what} ({why}); {remedy}") from error
 
 
 def require_regular(path: Path) -> None:

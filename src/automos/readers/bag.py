@@ -186,14 +186,7 @@ class Bag:
 @contextmanager
 def reported(bag: Path) -> Iterator[None]:
     """Turn whatever a reader of bags stumbles over into one sentence: damaged files break it in many ways."""
-    try:
-        with limited(bag):
-            yield
-    except AutomosError:
-        raise
-    except Exception as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(
-            f"{bag} cannot be read as a ROS bag ({reason}); it may be cut short: copy it again, or repair it with "
-            "'rosbag reindex', 'ros2 bag reindex' or 'mcap recover'"
-        ) from error
+    tools = "'rosbag reindex', 'ros2 bag reindex' or 'mcap recover'"
+    remedy = f"it may be cut short: copy it again, or repair it with {tools}"
+    with damage_reported(bag, "cannot be read as a ROS bag", remedy, kinds=Exception), limited(bag):
+        yield

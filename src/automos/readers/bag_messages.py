@@ -6,21 +6,19 @@ message may change what no field says, so only the rows are cut, and the numbers
 """
 
 import re
-import struct
 import zlib
 from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from automos.core.errors import InputError
 from automos.core.extras import import_extra
+from automos.core.reading import damage_reported
 from automos.core.scan import Mask
-from automos.readers import foxglove_cloud, livox_message
+from automos.readers import foxglove_cloud, livox_message, point_cloud2
 from automos.readers.columns import Columns
 from automos.readers.packets.messages import TYPES as PACKETS
-from automos.readers.point_cloud2 import cloud_digest, header_frame, header_stamp, read_columns, shape_of
-from automos.readers.wire import Wire
+from automos.readers.point_cloud2 import cloud_digest, header_frame, header_stamp, read_columns
 
 LARGEST = 1 << 30
 """Bytes of a message, or of the chunk it is in, at most; the clouds of any sensor have a hundredth of that."""
@@ -133,35 +131,10 @@ def with_rows(raw: bytes | memoryview, kind: str, is_ros2: bool, kept: Mask) -> 
     InputError
         The message has not N points, or fewer bytes than its points need.
     """
-    cut = livox_message.with_rows if kind in livox_message.TYPES else _cloud_with_rows
-    try:
-        return cut(bytes(raw), is_ros2, kept)
-    except struct.error:
-        raise InputError(f"a message of {len(raw)} bytes is cut short; record or export the bag again") from None
-
-
-def _cloud_with_rows(raw: bytes, is_ros2: bool, kept: Mask) -> bytes:
-    here = Wire.behind_header(raw, is_ros2)
-    here.align(4)
-    start = here.at
-    height, width = here.number(), here.number()
-    fields = here.at
-    for _ in range(here.number()):
-        here.text()
-        here.number()  # its offset
-        here.at += 1  # its type
-        here.number()  # how many there are of it
-    here.at += 1  # the order of bytes
-    point_step = here.number()
-    steps = here.at
-    row_step, n_bytes = here.number(), here.number()
-    data = here.at
-    cells = np.frombuffer(raw, np.uint8)[data : data + n_bytes]
-    height, width, row_step = shape_of(height, width, point_step, row_step, cells)
-    needed = (height - 1) * row_step + width * point_step if height * width else 0
-    if height * width != len(kept) or n_bytes < needed or len(raw) < data + n_bytes:
-        raise InputError(f"a message of {height} x {width} points has {n_bytes} bytes of them, and {len(kept)} labels")
-    points = np.ndarray((height, width, point_step), np.uint8, cells, 0, (row_step, point_step, 1)) if needed else None
-    rows = b"" if points is None else points.reshape(-1, point_step)[kept].tobytes()
-    head = raw[:start] + here.packed(1, int(kept.sum())) + raw[fields:steps]
-    return head + here.packed(len(rows), len(rows)) + rows + raw[data + n_bytes :]
+    if kind in livox_message.TYPES:
+        return livox_message.with_rows(bytes(raw), is_ros2, kept)
+    what, types = f"a message of {len(raw)} bytes", _types(is_ros2)
+    with damage_reported(what, "is cut short", "record or export the bag again", kinds=Exception):
+        message = decoded(bytes(raw), Topic("", kind, "cdr" if is_ros2 else "ros1"))
+    cut = point_cloud2.with_rows(message, kept)
+    return bytes((types.serialize_cdr if is_ros2 else types.serialize_ros1)(cut, kind))

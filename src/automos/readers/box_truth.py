@@ -17,7 +17,7 @@ from automos.core.errors import InputError
 from automos.core.geometry import FARTHEST, Array, transform
 from automos.core.label_files import pack
 from automos.core.labels import Label
-from automos.core.reading import is_there, read_json
+from automos.core.reading import damage_reported, is_there, read_json
 from automos.core.scan import MAX_RANGE, Pose, Scan, Sequence
 from automos.core.upright_boxes import Boxes, TrueBoxes, points_in_boxes
 from automos.readers.stamped_poses import rigid_transforms
@@ -215,15 +215,13 @@ def boxes_beside(source: Path, name: str) -> TrueBoxes | None:
     path = source / "boxes" / f"{name}.json"
     if not is_there(path):
         return None  # before anything is read: few recordings have boxes, and all their scans are asked
-    try:
+    with damage_reported(path, "is not a file of boxes", "simulate the recording again"):
         document = read_json(path)
         rows = document["boxes"]
         columns = [np.array([row[key] for row in rows], np.float64) for key in ("center", "size", "yaw")]
         ids = np.array([row["id"] for row in rows], np.int64)
         center, size, yaw = columns[0].reshape(-1, 3), columns[1].reshape(-1, 3), columns[2].reshape(len(ids))
         T_level_sensor = np.array(document["T_level_sensor"], np.float64).reshape(4, 4)
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{path} is not a file of boxes ({error!r}); simulate the recording again") from None
     return TrueBoxes(ids, checked_boxes(center, size, yaw, path), rigid_transforms(T_level_sensor[None], path)[0])
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from automos.core.errors import InputError
 from automos.core.extras import import_extra
+from automos.core.reading import damage_reported
 from automos.readers.apart import read_apart
 from automos.readers.columns import Columns
 
@@ -21,17 +22,13 @@ def read(path: Path) -> Columns:
 
 def read_here(path: Path) -> Columns:
     """Return what `read` does, read in this process."""
-    try:
+    with damage_reported(path, "is not a whole E57 file", kinds=Exception):  # damaged files break it in many ways
         file = import_extra("pye57", "e57").E57(str(path))
         if file.scan_count != 1:
             raise InputError(
                 f"{path} holds {file.scan_count} scans; export each to a file of its own, in its own frame"
             )
         raw = file.read_scan_raw(0)
-    except InputError:
-        raise
-    except Exception as error:  # damaged files break the library in many ways
-        raise InputError(f"{path} is not a whole E57 file ({str(error).splitlines()[0]}); copy it again") from None
     if "sphericalRange" in raw and "cartesianX" not in raw:
         flat = raw["sphericalRange"] * np.cos(raw["sphericalElevation"])
         around, z = raw["sphericalAzimuth"], raw["sphericalRange"] * np.sin(raw["sphericalElevation"])

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
-from automos.core.reading import require_regular
+from automos.core.reading import damage_reported, require_regular
 from automos.readers.codecs import CODEC_OF_SUFFIX, suffix_codec
 from automos.readers.scan_times import NAMES, stamps_from_names
 
@@ -204,12 +204,9 @@ def natural_key(name: str) -> tuple[list[str | int], str]:
 
 def point_files(folder: Path) -> list[str]:
     """Return the names of what may be scans in a folder, text included; InputError where it cannot be read."""
-    try:
-        with os.scandir(folder) as entries:
-            likely = [entry for entry in entries if _suffix(entry.name) in CODEC_OF_SUFFIX and entry.name[0] != "."]
-            return [entry.name for entry in likely if entry.name.lower() not in _SIDE_FILES and not entry.is_dir()]
-    except OSError as error:
-        raise InputError(f"{error.filename or folder} cannot be read: {error.strerror}") from None
+    with damage_reported(folder), os.scandir(folder) as entries:
+        likely = [entry for entry in entries if _suffix(entry.name) in CODEC_OF_SUFFIX and entry.name[0] != "."]
+        return [entry.name for entry in likely if entry.name.lower() not in _SIDE_FILES and not entry.is_dir()]
 
 
 def _suffix(name: str) -> str:

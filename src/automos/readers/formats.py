@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.core.geometry import Array
+from automos.core.reading import damage_reported
 from automos.core.scan import Sequence as ScanSequence
 
 
@@ -59,10 +60,8 @@ def digest_of_files(files: Iterable[Path], *more: bytes) -> str:
     """
     digest = hashlib.sha256()
     for file in files:
-        try:
+        with damage_reported(file, missing="the recording is not whole"):
             status = file.stat()
-        except OSError as error:
-            raise InputError(f"{file} cannot be read: {error.strerror}; the recording is not whole") from None
         digest.update(os.fsencode(f"{file.name}\0{status.st_size}\0{status.st_mtime_ns}\n"))  # names are any bytes
     digest.update(b"".join(more))
     return digest.hexdigest()

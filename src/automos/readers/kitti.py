@@ -20,7 +20,7 @@ import numpy.typing as npt
 from automos.core.errors import InputError
 from automos.core.geometry import Array, inverse, transform
 from automos.core.labels import Label
-from automos.core.reading import is_there, read_text
+from automos.core.reading import damage_reported, is_there, read_text
 from automos.core.scan import Pose
 from automos.readers.box_truth import DrawnBoxes, checked_boxes
 from automos.readers.files import natural_key
@@ -179,15 +179,13 @@ class KittiTrackingSequence(KittiTruth, FolderSequence):
         path = self._beside("label_02")
         if not is_there(path):
             return None
-        try:
+        with damage_reported(path, "is not a file of KITTI's tracking labels", "download it again"):
             words = [line.split() for line in read_text(path).splitlines() if line.strip()]
             if any(len(row) not in _WORDS for row in words):
                 raise ValueError("a line of another number of words")
             objects = [row for row in words if row[2] != "DontCare"]
             numbers = np.array([row[:2] for row in objects], np.int64).reshape(-1, 2)
             table = np.array([row[10:17] for row in objects], np.float64).reshape(-1, 7)
-        except (OSError, ValueError, IndexError, OverflowError) as error:
-            raise InputError(f"{path} is not a file of KITTI's tracking labels ({error}); download it again") from None
         in_camera = checked_boxes(table[:, 3:6], table[:, [2, 1, 0]], table[:, 6], path)
         T_sensor_rectified = inverse(self._T_rectified_sensor)
         # The box's place is the middle of its underside, the y-axis points down, and it is turned about that.

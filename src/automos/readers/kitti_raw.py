@@ -14,7 +14,7 @@ import numpy.typing as npt
 from automos.core.errors import InputError
 from automos.core.geometry import inverse
 from automos.core.pose_files import interpolate_poses, read_poses
-from automos.core.reading import DAMAGE, is_there, read_bytes
+from automos.core.reading import damage_reported, is_there, read_bytes
 from automos.core.scan import Pose
 from automos.readers.box_truth import DrawnBoxes, checked_boxes
 from automos.readers.folder import FolderSequence
@@ -123,12 +123,10 @@ class KittiRawSequence(KittiTruth, FolderSequence):
         path = self.source / _BOXES
         if not is_there(path):
             return None
-        try:
+        with damage_reported(path, "is not a complete file of tracklets", "download it again"):
             items = ElementTree.fromstring(read_bytes(path)).findall("tracklets/item")
             rows = [row for k, item in enumerate(items, start=1) for row in _rows_of(item, k)]
             table = np.array(rows, np.float64).reshape(-1, 9)
-        except (OSError, *DAMAGE, ElementTree.ParseError) as error:
-            raise InputError(f"{path} is not a complete file of tracklets ({error}); download it again") from None
         drawn = checked_boxes(table[:, 2:5], table[:, 5:8], table[:, 8], path)
         return self._in_scans(table[:, 1].astype(np.int64), table[:, 0].astype(np.int64), drawn)
 

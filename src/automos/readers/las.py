@@ -11,6 +11,7 @@ import numpy as np
 
 from automos.core.errors import InputError
 from automos.core.extras import import_extra
+from automos.core.reading import damage_reported
 from automos.readers.apart import read_apart
 from automos.readers.columns import Columns
 from automos.readers.foreign import limited
@@ -40,14 +41,9 @@ def read(path: Path) -> Columns:
 def read_here(path: Path) -> Columns:
     """Return what `read` does, read in this process."""
     laspy = import_extra("laspy", "las")
-    try:
+    with damage_reported(path, "is not a complete LAS file", kinds=Exception), limited(path):
         promise = require_whole(path)
-        with limited(path):
-            las = laspy.read(path) if promise.packed is None else _unpack(path, promise)
-    except (OSError, InputError):
-        raise
-    except Exception as error:  # damaged files break the library in many ways
-        raise InputError(f"{path} is not a complete LAS file ({error}); copy it again") from error
+        las = laspy.read(path) if promise.packed is None else _unpack(path, promise)
     if len(las) != promise.n_points:
         raise InputError(
             f"{path} is cut short: {len(las)} points, its header promises {promise.n_points}; copy it again"

@@ -5,12 +5,14 @@ the wire: decoding a hundred thousand points as messages of their own takes seco
 """
 
 import struct
+from contextlib import suppress
 
 import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.readers.columns import Columns
+from automos.readers.records import require_bytes
 from automos.readers.wire import Wire
 
 TYPES = tuple(f"{package}/msg/CustomMsg" for package in ("livox_ros_driver", "livox_ros_driver2", "livox_interfaces"))
@@ -30,24 +32,16 @@ def read_columns(raw: bytes | memoryview, is_ros2: bool, where: str) -> Columns:
     InputError
         Fewer bytes than its points need.
     """
-    try:
-        here, count, end = _points(raw, is_ros2)
-    except struct.error:
-        count, end = 1, len(raw) + 1
-    if len(raw) < end:
-        raise InputError(f"{where} is cut short: {len(raw)} bytes for {count} points; record or export it again")
+    here, count, _ = _points(raw, is_ros2, where)
     rows = np.ndarray(count, _POINT.newbyteorder(here.order), raw, here.at, (_stride(is_ros2),))
     return {name: rows[name] for name in _POINT.names or () if name != "tag"}
 
 
 def with_rows(raw: bytes, is_ros2: bool, kept: npt.NDArray[np.bool_]) -> bytes:
-    """Return message `raw` with those of its N points that are `kept` (N,); errors are those of `read_columns`.
-
-    A message that is cut within its header raises struct.error.
-    """
-    here, count, end = _points(raw, is_ros2)
-    if count != len(kept) or len(raw) < end:
-        raise InputError(f"a message of {count} points has {len(raw) - here.at} bytes of them, and {len(kept)} labels")
+    """Return message `raw` with those of its N points that are `kept` (N,); errors are those of `read_columns`."""
+    here, count, end = _points(raw, is_ros2, "a message")
+    if count != len(kept):
+        raise InputError(f"a message has {count} points, and {len(kept)} labels")
     stride, gap = _stride(is_ros2), _stride(is_ros2) - LENGTH
     padded = raw[here.at : end] + bytes(gap if count else 0)
     rows = np.frombuffer(padded, np.uint8).reshape(-1, stride)[kept].tobytes()
@@ -56,13 +50,17 @@ def with_rows(raw: bytes, is_ros2: bool, kept: npt.NDArray[np.bool_]) -> bytes:
     return head + rows[: max(len(rows) - gap, 0)] + raw[end:]  # nothing fills up behind the last
 
 
-def _points(raw: bytes | memoryview, is_ros2: bool) -> tuple[Wire, int, int]:
+def _points(raw: bytes | memoryview, is_ros2: bool, where: str) -> tuple[Wire, int, int]:
     """Return the place where a message's points begin, how many it counts, and the byte at which they end."""
-    here = Wire.behind_header(bytes(raw), is_ros2)
-    here.align(8)
-    here.take(16)  # the time that offsets count from, sizes, the sensor's number and reserved bytes
-    count = here.number()
-    return here, count, here.at + (max(count - 1, 0) * _stride(is_ros2) + LENGTH if count else 0)
+    count, end = 1, len(raw) + 1
+    with suppress(struct.error):  # cut within its header
+        here = Wire.behind_header(bytes(raw), is_ros2)
+        here.align(8)
+        here.take(16)  # the time that offsets count from, sizes, the sensor's number and reserved bytes
+        count = here.number()
+        end = here.at + (max(count - 1, 0) * _stride(is_ros2) + LENGTH if count else 0)
+    require_bytes(where, len(raw), end, f"{count} points")
+    return here, count, end
 
 
 def _stride(is_ros2: bool) -> int:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from automos.core.array_rows import are_scans
 from automos.core.errors import InputError
-from automos.core.reading import MAX_TEXT, read_array
+from automos.core.reading import MAX_TEXT, damage_reported, read_array
 from automos.readers.columns import MAX_COLUMNS, UNNAMED, Columns, from_matrix
 from automos.readers.record_layout import names_of
 from automos.readers.records import columns_of_field
@@ -51,14 +51,8 @@ def load(path: Path) -> dict[str, npt.NDArray]:
     InputError
         Not such a file, or one that is not whole.
     """
-    try:
+    with damage_reported(path, "is not a whole .npy file of numbers", "write it again with numpy.save"):
         return _read_archive(path) if path.suffix.lower() == ".npz" else {"points": read_array(path)}
-    except InputError:
-        raise
-    except ValueError as error:
-        raise InputError(
-            f"{path} is not a whole .npy file of numbers ({error}); write it again with numpy.save"
-        ) from None
 
 
 def stack_in(array: npt.NDArray) -> list[npt.NDArray] | None:

@@ -101,15 +101,11 @@ class NuscenesSequence(DrawnTruth, ListedSequence):
 
 @lru_cache(maxsize=8)
 def _read(tables: Path, name: str) -> list[Row]:
-    path = tables / f"{name}.json"
-    try:
+    path, remedy = tables / f"{name}.json", "unpack the metadata of nuScenes again"
+    with damage_reported(path, "is damaged", remedy, remedy):
         rows = read_json(path)
         if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
             raise ValueError("it is no list of rows")
-    except FileNotFoundError:
-        raise InputError(f"{path} is missing; unpack the metadata of nuScenes again") from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path} is damaged ({error}); unpack the metadata of nuScenes again") from None
     return rows
 
 

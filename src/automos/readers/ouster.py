@@ -6,8 +6,7 @@ number, as if the file were a folder: `drive.pcap/122150000150`.
 """
 
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -15,9 +14,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.errors import AutomosError, InputError, MissingExtraError
+from automos.core.errors import InputError, MissingExtraError
 from automos.core.extras import import_extra
-from automos.core.reading import require_regular
+from automos.core.reading import damage_reported, require_regular
 from automos.core.scan import Scan
 from automos.readers.foreign import limited
 from automos.readers.formats import Format, SensorSequence, choose_sensor, is_capture, recordings_at
@@ -104,17 +103,9 @@ class OusterSequence(SensorSequence):
                     self._threads.reader = library.PcapScanSource(str(self.source), meta=metadata, index=True)
         return self._threads.reader
 
-    @contextmanager
-    def _damage_reported(self) -> Iterator[None]:
+    def _damage_reported(self) -> AbstractContextManager[None]:
         """Tell what the library raises in one sentence: damaged files break it in many ways."""
-        try:
-            yield
-        except AutomosError:
-            raise
-        except Exception as error:
-            raise InputError(
-                f"{self.source} cannot be read as a recording of an Ouster ({error}); copy it again"
-            ) from error
+        return damage_reported(self.source, "cannot be read as a recording of an Ouster", kinds=Exception)
 
     def _library(self) -> Any:
         try:

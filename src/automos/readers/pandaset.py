@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from automos.core.errors import InputError
-from automos.core.reading import MAX_TEXT, is_there, read_json
+from automos.core.reading import MAX_TEXT, damage_reported, is_there, read_json
 from automos.core.scan import Pose, Scan
 from automos.readers.columns import Columns
 from automos.readers.formats import Format, recordings_at
@@ -94,13 +94,11 @@ class PandasetSequence(ListedSequence):
         """
         folder = source / "lidar"
         files = sorted(folder.glob("[!.]*.pkl.gz"))
-        try:
+        with damage_reported(folder, "holds damaged poses or times", "download them again"):
             poses = read_json(folder / "poses.json")
             stamps = np.array(read_json(folder / "timestamps.json"), np.float64)
             places = [[pose["position"][axis] for axis in "xyz"] for pose in poses]
             turns = [[pose["heading"][axis] for axis in "xyzw"] for pose in poses]
-        except (ValueError, LookupError, TypeError) as error:
-            raise InputError(f"{folder} holds damaged poses or times ({error!r}); download them again") from None
         if not len(files) == len(stamps) == len(poses):
             raise InputError(f"{folder} holds {len(files)} scans, {len(stamps)} times and {len(poses)} poses")
         super().__init__(source, files, stamps)
@@ -108,13 +106,11 @@ class PandasetSequence(ListedSequence):
 
     def __getitem__(self, index: int) -> Scan:
         path = self.paths[index := self._scan_number(index)]
-        try:
+        with damage_reported(path, "is no table of points of PandaSet", "download it again", kinds=Exception):
             with gzip.open(path) as packed:
                 table = _columns(packed.read(MAX_TEXT))
             is_own = table["d"] == _SPINNING
             columns = {name: table[name][is_own] for name in ("x", "y", "z", "i", "t")}
-        except Exception as error:  # what is no table breaks in many ways
-            raise InputError(f"{path} is no table of points of PandaSet ({error}); download it again") from None
         return self._to_scan(index, columns, 1.0, 1.0, self._T_map_sensor[index])
 
     @property

@@ -10,11 +10,11 @@ import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.core.geometry import FARTHEST, make_transform
-from automos.core.reading import read_bytes
+from automos.core.reading import damage_reported, read_bytes
 from automos.core.scan import Pose
 from automos.readers.columns import MAX_FIELDS, Columns
 from automos.readers.lzf import decompress
-from automos.readers.records import columns_of_field, parse_points, require_in_place
+from automos.readers.records import columns_of_field, parse_points, require_bytes, require_in_place
 
 _MAX_COUNT = 1 << 16
 """Values per point of one field; the largest histograms have hundreds."""
@@ -56,7 +56,7 @@ def read(path: Path) -> Columns:
     if header.encoding == "ascii":
         return _from_text(body, header, path)
     if header.encoding == "binary":
-        _require_bytes(len(body), header.n_points * header.dtype.itemsize, path)
+        require_bytes(path, len(body), header.n_points * header.dtype.itemsize, f"{header.n_points} points")
         points = np.frombuffer(body, header.dtype, header.n_points)
         columns = _columns({name: points[name] for name in header.names})
         require_in_place(columns, body, len(body) - points.nbytes, path)
@@ -170,13 +170,6 @@ def _columns(fields: dict[str, npt.NDArray]) -> Columns:
     return columns
 
 
-def _require_bytes(got: int, promised: int, path: Path) -> None:
-    if got < promised:
-        raise InputError(
-            f"{path} is cut short: {got} bytes of points, but its header promises {promised}; copy it again"
-        )
-
-
 def _from_text(body: bytes, header: Header, path: Path) -> Columns:
     widths = [int(np.prod(header.dtype[name].shape, dtype=int)) for name in header.names]
     body = re.sub(rb"(?m)^\s*#.*", b"", body) if b"#" in body else body
@@ -187,18 +180,15 @@ def _from_text(body: bytes, header: Header, path: Path) -> Columns:
 
 def _from_compressed(body: bytes, header: Header, path: Path) -> Columns:
     """Compressed points are stored field after field: all x, then all y, and so on."""
-    _require_bytes(len(body), 8, path)
+    require_bytes(path, len(body), 8, "their own number")
     # The longest copy, 264 bytes, takes 3.
     n_packed, n_unpacked = (int(size) for size in np.frombuffer(body, "<u4", 2))
     promised = header.n_points * header.dtype.itemsize
     if n_unpacked != promised:
         raise InputError(f"{path} is damaged: it says it unpacks to {n_unpacked} bytes, but its points need {promised}")
-    _require_bytes(len(body) - 8, n_packed, path)
-    _require_bytes(88 * n_packed, n_unpacked, path)
-    try:
+    require_bytes(path, min(len(body) - 8, n_packed), max(n_packed, n_unpacked // 88), f"{n_packed} that are packed")
+    with damage_reported(path, "cannot be unpacked"):
         unpacked = decompress(np.frombuffer(body, np.uint8, n_packed, offset=8), n_unpacked)
-    except ValueError as error:
-        raise InputError(f"{path} cannot be unpacked: {error}; copy it again") from None
     kinds = {name: header.dtype[name] for name in header.names}
     parts = np.split(unpacked, np.cumsum([kind.itemsize * header.n_points for kind in kinds.values()])[:-1])
     fields = zip(kinds.items(), parts, strict=True)

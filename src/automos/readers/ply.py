@@ -12,7 +12,7 @@ import numpy as np
 from automos.core.errors import InputError
 from automos.core.reading import read_bytes
 from automos.readers.columns import MAX_FIELDS, Columns
-from automos.readers.records import parse_points
+from automos.readers.records import parse_points, require_bytes
 
 _TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
@@ -45,15 +45,10 @@ def read(path: Path) -> Columns:
     dtype = vertex.dtype(order)
     for element in before:
         start = _behind(element, order, raw, start)
-    promised = vertex.count * dtype.itemsize
-    end = start + promised
+    end = start + vertex.count * dtype.itemsize
     for element in after:
         end = _behind(element, order, raw, end)
-    if len(raw) < end:
-        raise InputError(
-            f"{path} is cut short: {max(len(raw) - start, 0)} bytes of points, its header promises {promised}; copy it "
-            "again"
-        )
+    require_bytes(path, len(raw), end, f"{vertex.count} points")
     points = np.frombuffer(raw, dtype, vertex.count, offset=start)
     if raw[end:].strip(b"\0 \t\r\n"):
         raise InputError(

@@ -8,6 +8,7 @@ import struct
 import zlib
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -15,7 +16,9 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
+from automos.core.scan import Mask
 from automos.readers.columns import Columns
+from automos.readers.records import require_bytes
 from automos.readers.wire import Wire
 
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
@@ -64,14 +67,7 @@ def read_columns(message: Any, where: str) -> Columns:
     InputError
         Fewer bytes than its points need, fields that reach beyond a point, or two in the same place.
     """
-    point_step = int(message.point_step)
-    data = np.frombuffer(message.data, np.uint8)
-    height, width, row_step = shape_of(int(message.height), int(message.width), point_step, int(message.row_step), data)
-    if len(data) < ((height - 1) * row_step + width * point_step if height * width else 0):
-        raise InputError(
-            f"{where} is cut short: {len(data)} bytes for {height} x {width} points of {point_step} bytes; "
-            "record or export it again"
-        )
+    data, height, width, row_step, point_step = _cells_of(message, where)
     order = ">" if message.is_bigendian else "<"
     columns: Columns = {}
     spans: list[tuple[int, int, str]] = []
@@ -97,7 +93,32 @@ def read_columns(message: Any, where: str) -> Columns:
     return columns
 
 
-def shape_of(height: int, width: int, step: int, row_step: int, data: npt.NDArray[np.uint8]) -> tuple[int, int, int]:
+def with_rows(message: Any, kept: Mask) -> Any:
+    """Return `message` with those of its N points that are `kept` (N,), in one row.
+
+    Raises
+    ------
+    InputError
+        It has not N points, or fewer bytes than its points need.
+    """
+    data, height, width, row_step, step = _cells_of(message, "a message")
+    if height * width != len(kept):
+        raise InputError(f"a message has {height} x {width} points, and {len(kept)} labels")
+    cells = np.ndarray((height, width, step), np.uint8, data, 0, (row_step, step, 1)) if kept.size else data[:0]
+    rows = cells.reshape(-1, step)[kept].reshape(-1)
+    return replace(message, height=1, width=int(kept.sum()), row_step=len(rows), data=rows)
+
+
+def _cells_of(message: Any, where: str) -> tuple[npt.NDArray[np.uint8], int, int, int, int]:
+    """Return the data of a message, its rows, the points in one, and the bytes from row to row and point to point."""
+    step, data = int(message.point_step), np.frombuffer(message.data, np.uint8)
+    height, width, row_step = _shape_of(int(message.height), int(message.width), step, int(message.row_step), data)
+    needed = (height - 1) * row_step + width * step if height * width else 0
+    require_bytes(where, len(data), needed, f"{height} x {width} points of {step} bytes")
+    return data, height, width, row_step, step
+
+
+def _shape_of(height: int, width: int, step: int, row_step: int, data: npt.NDArray[np.uint8]) -> tuple[int, int, int]:
     """Return the rows, the points in one, and the bytes from one to the next that hold all points in `data`.
 
     Some drivers count too few points, or give the bytes of a row wrong where there is no padding. Bytes that a header

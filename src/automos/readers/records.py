@@ -55,6 +55,12 @@ def columns_of_field(name: str, values: npt.NDArray) -> Columns:
     return {name: values} if values.ndim == 1 else {}
 
 
+def require_bytes(where: Path | str, got: int, needed: int, what: str) -> None:
+    """Raise InputError where a file or a message has fewer bytes, `got`, than `what` it promises needs."""
+    if got < needed:
+        raise InputError(f"{where} is cut short: {got} bytes for {what}; copy, record or export it again")
+
+
 def require_in_place(columns: Columns, body: bytes, n_surplus: int, path: Path) -> None:
     """Raise where the bytes that a file holds too many came in before its last points: all behind them are others.
 
@@ -91,17 +97,14 @@ def read_table(
     InputError
         A file that is absent, empty, or not of that many numbers a line.
     """
-    try:
+    needed = f"the recording needs it for {what}"
+    with damage_reported(path, f"is not a table of {n_columns} numbers a line", missing=needed):
         text = read_text(path).splitlines()[int(has_names) :]
         lines = [line.split(delimiter) for line in text if line.strip() and not line.startswith("#")]
-        table = np.array(lines, np.float64) if lines else np.zeros((0, n_columns))
-    except FileNotFoundError:
-        raise InputError(f"{path} is missing; the recording needs it for {what}") from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path} is not a table of {n_columns} numbers a line ({error})") from None
-    if not np.isfinite(table).all():
-        raise InputError(f"{path} holds a number that is none; {what} are {n_columns} numbers a line")
-    if table.ndim != 2 or table.shape[1] != n_columns or len(table) == 0:
+        table = np.array(lines, np.float64)
+        if not np.isfinite(table).all():
+            raise ValueError("it holds a number that is none")
+    if table.ndim != 2 or table.shape[1] != n_columns:
         raise InputError(f"{path} holds {table.shape} numbers; {what} are {n_columns} a line")
     return table
 

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from automos.core.errors import InputError
 from automos.core.geometry import FARTHEST, Array, inverse, is_rigid, make_transform, with_exact_rotations
 from automos.core.pose_files import MAX_SKEW, interpolate_poses, nearest_gap
-from automos.core.reading import is_there, parse_yaml, read_text
+from automos.core.reading import damage_reported, is_there, parse_yaml, read_text
 from automos.core.scan import Pose, Scan
 
 _HOLE = 1.0
@@ -184,12 +184,8 @@ def read_mounts(folder: Path) -> Mounts | None:
     path = folder / FILE
     if not is_there(path):
         return None
-    try:
+    with damage_reported(path, "is not YAML", "correct it"):
         entries = parse_yaml(read_text(path))
-    except InputError:
-        raise
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path} is not YAML ({error})") from None
     if not isinstance(entries, list) or not 0 < len(entries) <= 255 or not all(isinstance(e, dict) for e in entries):
         raise InputError(f"{path} must be a list of LiDARs, each with a name and where it sits; see the documentation")
     names = [str(entry.get("name", k)) for k, entry in enumerate(entries)]

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from automos.core.errors import InputError
-from automos.core.reading import read_bytes
+from automos.core.reading import damage_reported, read_bytes
 from automos.readers.column_names import is_time, plain_names
 from automos.readers.columns import Columns, from_matrix
 from automos.readers.record_columns import ENOUGH
@@ -65,10 +65,8 @@ def read(path: Path, columns: str = "") -> Columns:
     elif first_line.strip().isdigit() and int(first_line) == sum(map(bool, map(bytes.strip, rest.split(b"\n")))):
         numbers = rest  # the count of the points comes first
     _require_one_divider(numbers, path)
-    try:
+    with damage_reported(path, "is not a table of numbers"):
         matrix = parse_table(numbers.translate(_DIVIDERS))
-    except ValueError as error:
-        raise InputError(f"{path} is not a table of numbers: {error}") from None
     if len(matrix) == 0:
         matrix = np.zeros((0, len(names) or 3))
     if not columns and not names and len(matrix) > ENOUGH and not np.ptp(np.diff(matrix[:, :3], axis=0), axis=0).all():

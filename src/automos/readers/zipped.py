@@ -7,7 +7,6 @@ numbered array for each scan.
 import shutil
 import tempfile
 import zipfile
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -18,7 +17,7 @@ import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.core.own_sequence import OwnSequence
-from automos.core.reading import MAX_TEXT
+from automos.core.reading import MAX_TEXT, damage_reported
 from automos.readers.codecs import CODEC_OF_SUFFIX, read_columns
 from automos.readers.column_names import is_time
 from automos.readers.columns import Columns
@@ -32,11 +31,9 @@ _MACS = "__MACOSX/"
 
 @contextmanager
 def _opened(path: Path) -> Iterator[zipfile.ZipFile]:
-    try:
-        with zipfile.ZipFile(path) as archive:
-            yield archive
-    except (zipfile.BadZipFile, zlib.error, RuntimeError, EOFError, ValueError) as error:  # or encrypted
-        raise InputError(f"{path} cannot be unpacked ({error}); unpack it yourself, or copy it again") from None
+    remedy = "unpack it yourself, or copy it again"  # it may be encrypted, too
+    with damage_reported(path, "cannot be unpacked", remedy), zipfile.ZipFile(path) as archive:
+        yield archive
 
 
 def read(path: Path) -> Columns:

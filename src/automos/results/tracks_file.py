@@ -12,10 +12,9 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from automos.core.atomic import atomic_path
-from automos.core.errors import InputError
 from automos.core.geometry import FARTHEST, inverse
 from automos.core.json_members import each_member
-from automos.core.reading import checked, read_text
+from automos.core.reading import checked, damage_reported, read_text
 from automos.objects.kinds import Kind, kind_probabilities
 from automos.objects.tracks import Tracks
 from automos.objects.verdict import Verdict, Verdicts
@@ -77,8 +76,8 @@ def each_track(path: Path, n_scans: int, beside: dict[str, Any]) -> Iterator[dic
     InputError
         It is absent, damaged, or of more scans.
     """
-    ids = set()
-    try:
+    ids, again = set(), "label again to have it written anew"
+    with damage_reported(path, "is damaged", again, "give the results folder of a run, or label again"):
         for name, value in each_member(read_text(path), "tracks"):
             if name is not None:
                 beside[name] = value
@@ -97,10 +96,6 @@ def each_track(path: Path, n_scans: int, beside: dict[str, Any]) -> Iterator[dic
         T = np.array(beside["T_world_level"])
         if np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() > 1e-3 or not np.array_equal(T[3], [0.0, 0.0, 0.0, 1.0]):
             raise ValueError("T_world_level is not a rigid transform")
-    except FileNotFoundError:
-        raise InputError(f"{path} is missing; give the results folder of a run, or label again") from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path} is damaged ({error}); label again to have it written anew") from None
 
 
 def write_tracks(path: Path, trajectory: Trajectory, names: list[str], entries: Iterable[dict[str, Any]]) -> None:

@@ -6,8 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, Field, TypeAdapter
 
-from automos.core.errors import InputError
-from automos.core.reading import DAMAGE, MAX_TEXT, checked, parse_json, read_json, require_regular
+from automos.core.reading import MAX_TEXT, checked, damage_reported, parse_json, read_json, require_regular
 from automos.writers.annotation_tools import ANNOTATIONS
 
 
@@ -73,22 +72,16 @@ def read_datumaro(path: Path) -> Datumaro | None:
     InputError
         It is damaged, or holds shapes that are not boxes.
     """
-    try:
+    with damage_reported(path, "is damaged", "export it from CVAT again"):
         if path.is_dir():
             document = read_json(path / ANNOTATIONS) if (path / ANNOTATIONS).exists() else None
         else:
             require_regular(path)
             document = _read_zip(path) if zipfile.is_zipfile(path) else read_json(path)
-    except InputError:
-        raise
-    except (OSError, *DAMAGE) as error:  # an encrypted or unknown kind of archive, text that is none
-        raise InputError(f"{path} is damaged ({error}); export it from CVAT again") from None
     if not isinstance(document, dict) or "items" not in document:
         return None
-    try:
+    with damage_reported(path, "is not an export of CVAT as 'Datumaro 3D'", "export it again"):
         return checked(_DATUMARO, document)
-    except ValueError as error:
-        raise InputError(f"{path} is not an export of CVAT as 'Datumaro 3D' ({error}); export it again") from None
 
 
 def _read_zip(path: Path) -> object:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from automos.core.errors import InputError
-from automos.core.reading import read_json
+from automos.core.reading import damage_reported, read_json
 from automos.core.scan import MAX_RANGE
 from automos.core.upright_boxes import Boxes, iou_3d
 from automos.results.run_files import RunFiles
@@ -90,7 +90,7 @@ def _read_sustech(folder: Path, run: RunFiles) -> dict[int, EditedScan]:
 
 def _boxes_in(path: Path) -> list[tuple[str, EditedBox]]:
     """Return the boxes in one label file, each with what its object is called."""
-    try:
+    with damage_reported(path, "is not a label file of SUSTechPOINTS", "save the scene again"):
         document = read_json(path)
         boxes = []
         for box in document["objs"] if isinstance(document, dict) else document:
@@ -98,10 +98,6 @@ def _boxes_in(path: Path) -> list[tuple[str, EditedBox]]:
             made = _make_box(position, scale, rotation, box.get("obj_type", ""), path)
             boxes.append((_name_of(box.get("obj_id"), path), made))
         return boxes
-    except InputError:
-        raise
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
-        raise InputError(f"{path} is not a label file of SUSTechPOINTS ({error}); save the scene again") from None
 
 
 def _name_of(obj_id: Any, path: Path) -> str:

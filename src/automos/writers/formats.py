@@ -13,6 +13,7 @@ from automos.core.atomic import atomic_path, write_bytes
 from automos.core.claims import SIGN
 from automos.core.extras import import_extra
 from automos.core.geometry import quaternion_of
+from automos.core.reading import damage_reported, require_regular
 from automos.core.scan import Mask, Points, Pose, Scan
 from automos.readers.columns import Columns
 from automos.readers.point_cloud2 import packed_rows
@@ -69,9 +70,11 @@ def make_folders(out: Path, *names: str) -> None:
         (out / name).mkdir(parents=True, exist_ok=True)
 
 
-def copy_file(source: Path, target: Path) -> None:
-    """Copy a file, whole or not at all."""
-    with atomic_path(target) as temporary:
+def copy_file(source: str | Path, target: str | Path) -> None:
+    """Copy a plain file, whole or not at all; a device of its name would be copied without end."""
+    with damage_reported(source):
+        require_regular(Path(source))
+    with atomic_path(Path(target)) as temporary:
         shutil.copyfile(source, temporary)
 
 

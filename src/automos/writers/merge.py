@@ -10,18 +10,19 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.atomic import atomic_path, held, remove_parts, write_json, write_raw
+from automos.core.atomic import held, remove_parts, write_json, write_raw
 from automos.core.claims import remove
 from automos.core.errors import InputError
 from automos.core.label_files import pack, read_labels, to_mos
 from automos.core.labels import Label
-from automos.core.reading import damage_reported, is_there, read_bytes
+from automos.core.reading import is_there
 from automos.core.workspace import COMPLETE, RUN_FILE, Workspace, write_run
 from automos.results.claiming import per_scan_files, require_room
 from automos.results.point_files import count_points, no_points
 from automos.results.run_files import RunFiles
 from automos.results.tracks_file import VERDICTS
 from automos.writers.edits import EditedScan, read_edits, require_known
+from automos.writers.formats import copy_file
 from automos.writers.relabel import compare, relabel
 
 
@@ -151,20 +152,12 @@ def _copy_beside(run: RunFiles, out: Path) -> None:
     """Copy what the results need to be read again: poses, settings, how the sensor moved in each sweep, the ground."""
     for name in ("poses.txt", "poses.tum", "settings.yaml"):
         if is_there(run.folder / name):
-            _copy_file(run.folder / name, out / name)
+            copy_file(run.folder / name, out / name)
     keys = Workspace(run.folder).read_run().get("stages", {})
     for stage in (f"{name}-{keys.get(name)}" for name in ("odometry", "candidates")):
         if (run.folder / "stages" / stage).is_dir():
             place = out / "stages" / stage
-            shutil.copytree(run.folder / "stages" / stage, place, copy_function=_copy_file, dirs_exist_ok=True)
-
-
-def _copy_file(source: str | Path, target: str | Path) -> None:
-    """Copy a plain file; a device of its name would be copied without end."""
-    with damage_reported(source):
-        content = read_bytes(Path(source))
-    with atomic_path(Path(target)) as temporary:
-        temporary.write_bytes(content)
+            shutil.copytree(run.folder / "stages" / stage, place, copy_function=copy_file, dirs_exist_ok=True)
 
 
 def _tracks(run: RunFiles, edits: dict[int, EditedScan]) -> dict[str, Any]:

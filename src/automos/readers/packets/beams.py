@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import InputError
-from automos.core.reading import is_there, read_bytes, read_json, read_text
+from automos.core.reading import damage_reported, is_there, read_bytes, read_json, read_text
 from automos.readers.packets.layouts import Layout
 
 TOLD = bytes.fromhex("A5FF005A11115555")
@@ -105,11 +105,9 @@ def table_beside(source: Path, layout: Layout) -> Path:
 
 def _from_table(path: Path, n_beams: int) -> Beams:
     """Return what a table of its maker says, a row for each beam: its number, elevation and azimuth."""
-    try:
+    with damage_reported(path, "is no table of Channel,Elevation,Azimuth", "save it again"):
         rows = [line.split(",")[:3] for line in read_text(path).splitlines() if line[:1].isdigit()]
         table = np.array(rows, np.float64)
-    except ValueError as error:
-        raise InputError(f"{path} is no table of Channel,Elevation,Azimuth ({error}); save it again") from None
     if table.shape != (n_beams, 3) or not (np.abs(table[:, 1:]) <= 90.0).all():
         raise InputError(
             f"{path} has {len(table)} rows of angles, and the sensor {n_beams} beams; give the sensor's own table"

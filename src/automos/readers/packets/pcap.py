@@ -17,6 +17,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from automos.core.column_data import ColumnData
 from automos.core.errors import InputError
 from automos.core.kernels import kernel
+from automos.core.reading import damage_reported
 
 _MAGIC = {0xA1B2C3D4: 1e-6, 0xA1B23C4D: 1e-9}
 """First four bytes, and the seconds that a fraction counts."""
@@ -106,11 +107,8 @@ class Capture:
 
 def open_capture(path: Path) -> Capture:
     """Return the capture at `path`; InputError where it cannot be read, or is none."""
-    try:
-        with open(path, "rb") as file:
-            head = file.read(_HEADER)
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+    with damage_reported(path), open(path, "rb") as file:
+        head = file.read(_HEADER)
     for order in "<>" if len(head) == _HEADER else "":
         magic, link = struct.unpack(f"{order}I16xI", head)
         if magic in _MAGIC:

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from automos.core.arrays import evenly_spread
 from automos.core.atomic import write_text
 from automos.core.claims import DATASET
 from automos.core.errors import InputError
@@ -25,7 +26,7 @@ from automos.results.run_files import RunFiles
 from automos.writers.formats import copy_file, make_folders
 from automos.writers.training import trainer_files
 from automos.writers.training.members import Member, members_of
-from automos.writers.training.scans import IDS, image_statistics, spread
+from automos.writers.training.scans import IDS, image_statistics
 from automos.writers.training.sequence import Extras, Written, write_sequence
 from automos.writers.training.trainer_files import SPLITS
 
@@ -156,7 +157,7 @@ def _write_sensor(out: Path, written: list[Written], suffix: str) -> None:
     scans = [
         np.fromfile(one.folder / "velodyne" / f"{k:06d}.bin", np.float32).reshape(-1, 4)
         for one in written
-        for k in spread(len(one.scans), 10)
+        for k in evenly_spread(range(len(one.scans)), 10)
     ]
     most = max((scan.points for one in written for scan in one.scans), default=1)
     sensor, split = written[0].member.sensor, _split_of(written)

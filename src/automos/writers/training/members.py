@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from automos.core.arrays import evenly_spread
 from automos.core.beam_pattern import learn_pattern
 from automos.core.errors import InputError
 from automos.core.workspace import Workspace
 from automos.results.run_files import RunFiles
-from automos.writers.training.scans import ImageSensor, full_scale_of, measure_sensor, spread
+from automos.writers.training.scans import ImageSensor, full_scale_of, measure_sensor
 from automos.writers.training.trainer_files import SPLITS
 
 FIRST_NUMBER = 50
@@ -101,7 +102,7 @@ def _sensor_of(run: RunFiles) -> ImageSensor:
 
     Its rays are those of the scans as measured: compensated, those that meet what rides along are degrees off.
     """
-    scans = {index: run.scan(index) for index in spread(len(run), _SHOWN)}
+    scans = {index: run.scan(index) for index in evenly_spread(range(len(run)), _SHOWN)}
     rings = [scan.ring for scan in scans.values() if scan.ring is not None and len(scan.ring)]
     frames = (run.frame(scan, index) for index, scan in scans.items())
     n_rows = max(int(ring.max()) for ring in rings) + 1 if rings else learn_pattern(filter(None, frames)).n_rows

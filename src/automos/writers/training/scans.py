@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.arrays import evenly_spread
 from automos.core.geometry import transform
 from automos.core.label_files import pack
 from automos.core.labels import Label
@@ -80,14 +81,9 @@ def full_scale_of(run: RunFiles) -> float:
 
     The smallest that no point of some scans, spread over the recording, is above.
     """
-    shown = (run.scan(index).intensity for index in spread(len(run), 20))
+    shown = (run.scan(index).intensity for index in evenly_spread(range(len(run)), 20))
     highest = max((float(np.nan_to_num(each).max(initial=0.0)) for each in shown if each is not None), default=0.0)
     return next((scale for scale in _FULL_SCALES if highest <= scale), highest)
-
-
-def spread(n: int, count: int) -> list[int]:
-    """Return at most `count` of `n` numbers from 0 on, evenly spread."""
-    return np.unique(np.linspace(0, n - 1, min(n, count)).astype(int)).tolist() if n else []
 
 
 WIDTH = 2048

@@ -7,14 +7,11 @@ odometry itself.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-import numpy.typing as npt
 
 from automos.core.arrays import some_of
 from automos.core.geometry import Array, inverse, se3_exp, se3_log, transform, upright_pose
-from automos.core.scan import Frames, Points, Pose
+from automos.core.scan import Frames, Mask, Points, Pose
 from automos.core.voxel_map import rows_of_first_in_voxel
 from automos.odometry.motion import MIN_POINTS
 from automos.settings import LoopSettings
@@ -66,25 +63,23 @@ def close_loops(frames: Frames, loops: LoopSettings) -> tuple[Pose, int]:
         cloud = np.concatenate(clouds)
         return cloud[rows_of_first_in_voxel(cloud, VOXEL)]
 
-    found: list[_Revisit] = []
+    found: list[tuple[int, int, Pose]] = []
     descriptions = [describe_place(cloud_at(k), loops.reach, RINGS, SECTORS) for k in range(len(middles))]
     for second in range(len(middles)):
         for first, turn in _find_similar(second, descriptions, T_level_place[:, :3, 3], path[middles], loops):
             T_first_second = _verify(cloud_at(first), cloud_at(second), turn, loops)
             if T_first_second is not None:
-                found.append(_Revisit(first, second, T_first_second))
-    T_closed, is_kept = _solve(T_level_place, path[middles], found, loops)
+                found.append((first, second, T_first_second))
+    if not found:
+        return T_level_sensor, 0
+    usual = np.tile(np.repeat([DEVIATION, np.radians(TURN_DEVIATION_DEG)], 3), (len(found), 1))
+    first_of, second_of, T = map(np.array, zip(*found, strict=True))
+    revisits = Edges(first_of, second_of, T, usual)
+    T_closed, is_kept = _solve(T_level_place, path[middles], revisits, loops)
     if is_kept.any():
         correction = se3_log(inverse(T_level_place) @ T_closed)  # of each place, in its own frame
         T_level_sensor = _spread(T_level_sensor, T_level_place, correction, path, path[middles])
     return T_level_sensor, int(is_kept.sum())
-
-
-@dataclass(frozen=True)
-class _Revisit:
-    first: int
-    second: int
-    T_first_second: Pose
 
 
 def _upright(T: Pose) -> Pose:
@@ -135,9 +130,7 @@ def _share_close(cloud: Points, points: Points, loops: LoopSettings) -> float:
     return float(np.isfinite(distance).mean())
 
 
-def _solve(
-    T_level_place: Pose, path: Array, found: list[_Revisit], loops: LoopSettings
-) -> tuple[Pose, npt.NDArray[np.bool_]]:
+def _solve(T_level_place: Pose, path: Array, revisits: Edges, loops: LoopSettings) -> tuple[Pose, Mask]:
     """Return the places' poses corrected by the revisits, and which of these were accepted.
 
     Wrong revisits that agree with each other could outvote the odometry. So none may bend the path more than drift
@@ -148,30 +141,20 @@ def _solve(
     length = np.diff(path)
     usual = np.repeat([DRIFT, np.radians(TURN_DRIFT_DEG)], 3)
     chain = Edges(first, first + 1, steps, usual * np.sqrt(length[:, None] / 10.0))
-    is_left = np.ones(len(found), bool)
-    bends = [np.linalg.norm(_disagreement(T_level_place, r)[:3]) / (path[r.second] - path[r.first]) for r in found]
+    is_left = np.ones(len(revisits), bool)
+    apart = np.linalg.norm(revisits.residuals(T_level_place)[:, :3], axis=1)
+    bends = apart / (path[revisits.second] - path[revisits.first])
     while is_left.any():
         left = np.flatnonzero(is_left)
-        links = Edges(
-            np.array([found[k].first for k in left]),
-            np.array([found[k].second for k in left]),
-            np.array([found[k].T_first_second for k in left]),
-            np.tile(np.repeat([DEVIATION, np.radians(TURN_DEVIATION_DEG)], 3), (len(left), 1)),
-        )
-        T, is_kept = solve_pose_graph(T_level_place, chain, links)
+        T, is_kept = solve_pose_graph(T_level_place, chain, revisits[left])
         bend = se3_log(inverse(steps) @ inverse(T[:-1]) @ T[1:])
         is_even = np.linalg.norm(bend[:, :3], axis=1) <= loops.max_drift * length
         is_straight = np.linalg.norm(bend[:, 3:], axis=1) <= np.radians(MAX_TURN_DRIFT_DEG) * length
         if is_even.all() and is_straight.all():
             is_left[left] = is_kept
             return T, is_left
-        is_left[left[int(np.argmax(np.array(bends)[left]))]] = False
+        is_left[left[int(np.argmax(bends[left]))]] = False
     return T_level_place, is_left
-
-
-def _disagreement(T: Pose, revisit: _Revisit) -> Array:
-    """Return the (6,) difference between the poses `T` and the relative pose measured by a revisit."""
-    return se3_log(inverse(revisit.T_first_second) @ inverse(T[revisit.first]) @ T[revisit.second])
 
 
 def _spread(T_level_sensor: Pose, T_level_place: Pose, correction: Array, path: Array, place_path: Array) -> Pose:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.column_data import ColumnData
 from automos.core.geometry import Array, adjoint, inverse, se3_exp, se3_log
 from automos.core.normal_equations import NormalEquations
 from automos.core.scan import Pose
@@ -20,7 +21,7 @@ RELAX = 1.4
 
 
 @dataclass(frozen=True, eq=False)
-class Edges:
+class Edges(ColumnData):
     """Measured relative poses.
 
     Attributes
