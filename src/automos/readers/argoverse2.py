@@ -148,7 +148,7 @@ class Argoverse2Sequence(DrawnTruth, ListedSequence):
 
     @cached_property
     def _T_city_ego(self) -> Pose:
-        return self._poses_at(self._stamps)
+        return self._poses_at(self.stamps)
 
     def _poses_at(self, seconds: Array) -> Pose:
         table = _read(self.source / _POSES)

@@ -142,14 +142,9 @@ def time_column(columns: Columns) -> npt.NDArray | None:
     return next((times for times in known if _span(times) > 0), None)
 
 
-def ring_column(columns: Columns) -> npt.NDArray[np.uint16] | None:
-    """Return the (N,) beam of each point, None where there is none."""
-    return _ring(_first(_numbers(columns), "ring"))
-
-
-def sensor_column(columns: Columns) -> npt.NDArray[np.uint16] | None:
-    """Return (N,) which of several merged LiDARs each point is from, None where no column of whole numbers says it."""
-    return _ring(_first(_numbers(columns), "sensor"))
+def whole_column(columns: Columns, meaning: str) -> npt.NDArray[np.uint16] | None:
+    """Return (N,) the "ring" of each point, or the "sensor" it is from; None where no column of whole numbers is."""
+    return _ring(_first(_numbers(columns), meaning))
 
 
 def find_time_unit(times: npt.NDArray) -> float:

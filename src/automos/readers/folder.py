@@ -18,7 +18,7 @@ from automos.readers import files
 from automos.readers.box_truth import boxes_beside, motion_beside
 from automos.readers.codecs import LAYOUTS, is_columns, parse_columns, read_columns
 from automos.readers.column_names import has_time
-from automos.readers.columns import Columns, coordinates, sensor_column, time_column
+from automos.readers.columns import Columns, coordinates, time_column, whole_column
 from automos.readers.formats import Format
 from automos.readers.listed import FileSequence
 from automos.readers.point_times import PointTimes, judge_times, sweep_starts
@@ -68,18 +68,18 @@ class FolderSequence(FileSequence):
         if stamps is None and self._point_times.is_absolute:
             times = sweep_starts(self._read, self.paths, self._point_times, times)
             self._clock = "the points' own times"
-        self._stamps = None
+        self.stamps = None
         self._T_file_sensor: Pose | None = None
         if times is None:
             ordered = put_in_seen_order(lambda index: self[index].points, self._names, self._folder)
         else:
             ordered = put_in_order(times, self._names, self._folder)
-        self._order, self._stamps, self._warnings = ordered.order, ordered.stamps, ordered.warnings
+        self._order, self.stamps, self._warnings = ordered.order, ordered.stamps, ordered.warnings
         self.paths = [self.paths[i] for i in self._order]
         self._names = [self._names[i] for i in self._order]
         self._viewpoints, self._surplus = read_viewpoints(self.paths, self.codec)
         self._T_file_sensor = self._find_frame()
-        self._warnings += parts_said(self._raw_points, self._stamps, len(self), self._folder)
+        self._warnings += parts_said(self._raw_points, self.stamps, len(self), self._folder)
         del self._read
         columns = f"The files have no header; their points are read as --columns {self.columns}."
         frame = "The clouds are in the frame of a map; the poses that came with them took them back."
@@ -90,7 +90,7 @@ class FolderSequence(FileSequence):
         columns = self._read(path)
         T = None if self._T_file_sensor is None else self._T_file_sensor[index]
         scan = self._to_scan(index, columns, self._point_times.unit or 0.0, self._unit[0], T)
-        return scan if self._mounts is None else self._mounts.applied_to(scan, sensor_column(columns), path)
+        return scan if self._mounts is None else self._mounts.applied_to(scan, whole_column(columns, "sensor"), path)
 
     def _read(self, path: Path) -> Columns:
         return read_columns(path, self.codec, self.columns)
@@ -143,7 +143,7 @@ class FolderSequence(FileSequence):
         if path is None:
             return None
         by_name = np.argsort(self._order)
-        stamps = None if self._stamps is None else self._stamps[by_name]
+        stamps = None if self.stamps is None else self.stamps[by_name]
         names = [self._names[i] for i in by_name]
         return read_poses(path, len(self), stamps, self.T_camera_sensor, names, in_world=True)[self._order]
 
@@ -169,8 +169,8 @@ class FolderSequence(FileSequence):
             for path in self.paths:
                 status = path.stat()
                 digest.update(f"{path.name}\0{status.st_size}\0{status.st_mtime_ns}\n".encode())
-        if self._stamps is not None:
-            digest.update(self._stamps.tobytes())
+        if self.stamps is not None:
+            digest.update(self.stamps.tobytes())
         if self._mounts is not None:
             digest.update((self.source / MOUNTS).read_bytes())
         return f"{super().fingerprint()}:{digest.hexdigest()}"

@@ -36,6 +36,13 @@ class TookTooLongError(BaseException):
     """Raised in the thread that waits for a library, which must not take it for an error of its own."""
 
 
+class ByThread(threading.local):
+    """What each thread opens for itself, as readers are not made to be shared; another process begins anew."""
+
+    def __reduce__(self) -> tuple[type, tuple[()]]:
+        return ByThread, ()
+
+
 @dataclass
 class _Call:
     path: Path

@@ -94,38 +94,31 @@ def is_capture(path: Path) -> bool:
 
 
 class SensorSequence(ScanSequence):
-    """The sweeps of one sensor, as measured; readers derive from it, find them, and set `_stamps` and `_identity`."""
+    """The sweeps of one sensor, as measured; readers derive from it, find them, and set `stamps` and `_identity`."""
 
     is_compensated = False
     """Packets are as measured."""
 
     source: Path
-    _stamps: Array
+    address: Path | None = None
+    """The file, or the sensor that was asked for below it."""
+    stamps: Array = np.zeros(0)
+    """(len,) seconds, of each sweep's first packet on the sensor's clock, which may be set to the recorder's."""
     _identity: str
 
     def __init__(self, path: Path):
         """Take the file at `path`, or the one that `path` names a sensor below."""
-        self._address = path
+        self.address = path
         self.source, self._wanted = split_sensor(path)
         self.name = self.source.stem if self._wanted is None else f"{self.source.stem}_{self._wanted}"
 
-    @property
-    def address(self) -> Path:
-        """The file, or the sensor that was asked for below it."""
-        return self._address
-
     def _set_stamps(self, stamps: npt.ArrayLike) -> None:
         """Take (len,) the times of the sweeps; InputError unless they increase."""
-        self._stamps = np.asarray(stamps, np.float64)
-        require_increasing(self._stamps, self.names, self.source)
+        self.stamps = np.asarray(stamps, np.float64)
+        require_increasing(self.stamps, self.names, self.source)
 
     def __len__(self) -> int:
-        return len(self._stamps)
-
-    @property
-    def stamps(self) -> Array:
-        """(len,) seconds, of each sweep's first packet on the sensor's clock, which may be set to the recorder's."""
-        return self._stamps
+        return len(self.stamps)
 
     def fingerprint(self) -> str:
         """Return a text that changes when the files do, or the sensor."""

@@ -19,8 +19,9 @@ class NamedSequence(Sequence):
     """Scans with names and, where the recording has a clock, times; readers derive from it, and set both."""
 
     source: Path
+    stamps: Array | None = None
+    """(len,) seconds or None."""
     _names: list[str]
-    _stamps: Array | None
 
     def __len__(self) -> int:
         return len(self._names)
@@ -29,11 +30,6 @@ class NamedSequence(Sequence):
     def names(self) -> list[str]:
         """One name per scan."""
         return self._names
-
-    @property
-    def stamps(self) -> Array | None:
-        """(len,) seconds or None."""
-        return self._stamps
 
 
 class FileSequence(NamedSequence):
@@ -44,14 +40,14 @@ class FileSequence(NamedSequence):
 
     def _to_scan(self, index: int, columns: Columns, *how: Any) -> Scan:
         """Return scan `index` of the `columns` in its file; `how` is what `to_scan` takes behind the stamp."""
-        stamp = None if self._stamps is None else float(self._stamps[index])
+        stamp = None if self.stamps is None else float(self.stamps[index])
         return to_scan(columns, self.paths[index], self._names[index], stamp, *how)
 
 
 class ListedSequence(FileSequence):
     """Such a sequence whose files are known from the start; readers say how one is read."""
 
-    _stamps: Array
+    stamps: Array = np.zeros(0)
 
     def __init__(self, source: Path, files: list[Path], stamps: npt.ArrayLike, name: str | None = None):
         """Take the scans' files in time order, named by what stands before the first dot, and stamps in seconds.
@@ -75,12 +71,12 @@ class ListedSequence(FileSequence):
             raise InputError(
                 f"{source} has two scans named {twice}, whose labels would have one name; remove one of them"
             )
-        self._stamps = np.asarray(stamps, np.float64)
-        require_increasing(self._stamps, self._names, source)
+        self.stamps = np.asarray(stamps, np.float64)
+        require_increasing(self.stamps, self._names, source)
 
     def fingerprint(self) -> str:
         """Return a text that changes when a file's name, size or time of change does, or the stamps."""
-        return f"{super().fingerprint()}:{digest_of_files(self.paths, self._stamps.tobytes())}"
+        return f"{super().fingerprint()}:{digest_of_files(self.paths, self.stamps.tobytes())}"
 
 
 def stamped_files(folder: Path, suffix: str, unit: float = 1e-9) -> tuple[list[Path], Array]:

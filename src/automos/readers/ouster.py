@@ -5,7 +5,6 @@ included; the second returns of a sensor that gives two follow the first. Of sev
 number, as if the file were a folder: `drive.pcap/122150000150`.
 """
 
-import threading
 from contextlib import AbstractContextManager
 from functools import cached_property
 from pathlib import Path
@@ -18,7 +17,7 @@ from automos.core.errors import InputError, MissingExtraError
 from automos.core.extras import import_extra
 from automos.core.reading import damage_reported, require_regular
 from automos.core.scan import Scan
-from automos.readers.foreign import limited
+from automos.readers.foreign import ByThread, limited
 from automos.readers.formats import Format, SensorSequence, choose_sensor, is_capture, recordings_at
 from automos.readers.packets.pcap import require_whole
 
@@ -51,7 +50,7 @@ class OusterSequence(SensorSequence):
             No metadata, a damaged file, several sensors, or no frames.
         """
         super().__init__(path)
-        self._threads = threading.local()
+        self._threads = ByThread()
         stem = self.source.stem
         self._is_osf = self.source.suffix.lower() == ".osf"  # holds frames, and their metadata
         names = () if self._is_osf else (f"{stem}.json", f"{stem}_*.json")
@@ -76,16 +75,13 @@ class OusterSequence(SensorSequence):
         place, within = self._places[index]
         with limited(self.source):
             frame = [frame for frame in self._reader[place] if frame is not None][within]
-        return frame_to_scan(frame, self._to_points, float(self._stamps[index]), self.names[index])
+        return frame_to_scan(frame, self._to_points, float(self.stamps[index]), self.names[index])
 
     def _files(self) -> list[Path]:
         return [self.source, *self._metadata]
 
     def __getstate__(self) -> dict[str, Any]:
-        return {key: value for key, value in self.__dict__.items() if key not in ("_threads", "_to_points")}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state, _threads=threading.local())
+        return {key: value for key, value in self.__dict__.items() if key != "_to_points"}
 
     # ------------------------------------------------------------------------------------------------ the library
     @property

@@ -4,6 +4,7 @@ Only the element `vertex` is read. What comes before and behind it (faces, camer
 file does: else bytes were lost or came in, and all points behind them are others.
 """
 
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,6 +20,7 @@ _TYPES = {
     "float": "f4", "double": "f8",
 }  # fmt: skip
 _TYPES |= {np.dtype(kind).name: kind for kind in _TYPES.values()}  # int8, float32
+_END = re.compile(rb"^[ \t]*end_header[ \t\r]*(\n|\Z)", re.M)
 _ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": "="}
 
 
@@ -60,23 +62,16 @@ def read(path: Path) -> Columns:
 
 def _parse_header(raw: bytes, path: Path) -> tuple[str, list[_Element], int]:
     """Return the encoding, the elements in order, and the byte at which they start."""
-    encoding, start = "", 0
+    encoding = ""
     elements: list[_Element] = []
     if not raw.startswith(b"ply"):
         raise InputError(f"{path} is not a PLY file: it does not start with 'ply'")
-    while True:
-        end = raw.find(b"\n", start)
-        if end < 0:
-            if raw[start:].strip() != b"end_header":  # of no points, it may be the last word of the file
-                raise InputError(f"{path} is not a whole PLY file: its header has no end_header line")
-            end = len(raw)
-        line = raw[start:end].decode("ascii", "replace").strip()
-        start = min(end + 1, len(raw))
+    if (end := _END.search(raw)) is None:
+        raise InputError(f"{path} is not a whole PLY file: its header has no end_header line")
+    for line in raw[: end.start()].decode("ascii", "replace").split("\n"):
         words = line.split()
         try:
             match words:
-                case ["end_header"]:
-                    break
                 case ["format", name, *_]:
                     encoding = name
                 case ["element", name, count]:
@@ -94,10 +89,10 @@ def _parse_header(raw: bytes, path: Path) -> tuple[str, list[_Element], int]:
                 case _:
                     raise ValueError("no keyword, or a property that is malformed or named twice")
         except (KeyError, ValueError, IndexError):
-            raise InputError(f"{path} has a PLY header line that cannot be understood: {line!r}") from None
+            raise InputError(f"{path} has a PLY header line that cannot be understood: {line.strip()!r}") from None
     if encoding not in _ORDERS:
         raise InputError(f"{path} has PLY format {encoding!r}; known are {', '.join(_ORDERS)}")
-    return encoding, elements, start
+    return encoding, elements, end.end()
 
 
 def _around_vertex(elements: list[_Element], path: Path) -> tuple[list[_Element], _Element, list[_Element]]:

@@ -67,7 +67,8 @@ def read_columns(message: Any, where: str) -> Columns:
     InputError
         Fewer bytes than its points need, fields that reach beyond a point, or two in the same place.
     """
-    data, height, width, row_step, point_step = _cells_of(message, where)
+    cells = cells_of(message, where)
+    point_step = cells.shape[2]
     order = ">" if message.is_bigendian else "<"
     columns: Columns = {}
     spans: list[tuple[int, int, str]] = []
@@ -83,12 +84,9 @@ def read_columns(message: Any, where: str) -> Columns:
             raise InputError(
                 f"{where} has a field {field.name!r} at byte {field.offset} of points of {point_step} bytes"
             )
-        spans.append((field.offset, field.offset + dtype.itemsize, field.name))
-        if height * width == 0:
-            columns[field.name] = np.zeros(0, dtype)
-            continue
-        column = np.ndarray((height, width), dtype, data, field.offset, (row_step, point_step))
-        columns.setdefault(field.name, column.reshape(-1))
+        begin, end = field.offset, field.offset + dtype.itemsize
+        spans.append((begin, end, field.name))
+        columns.setdefault(field.name, cells[..., begin:end].view(dtype).reshape(-1))
     _require_apart(spans, where)
     return columns
 
@@ -101,21 +99,28 @@ def with_rows(message: Any, kept: Mask) -> Any:
     InputError
         It has not N points, or fewer bytes than its points need.
     """
-    data, height, width, row_step, step = _cells_of(message, "a message")
-    if height * width != len(kept):
-        raise InputError(f"a message has {height} x {width} points, and {len(kept)} labels")
-    cells = np.ndarray((height, width, step), np.uint8, data, 0, (row_step, step, 1)) if kept.size else data[:0]
-    rows = cells.reshape(-1, step)[kept].reshape(-1)
+    cells = cells_of(message, "a message")
+    if cells.shape[0] * cells.shape[1] != len(kept):
+        raise InputError(f"a message has {cells.shape[0]} x {cells.shape[1]} points, and {len(kept)} labels")
+    rows = cells.reshape(-1, cells.shape[2])[kept].reshape(-1)
     return replace(message, height=1, width=int(kept.sum()), row_step=len(rows), data=rows)
 
 
-def _cells_of(message: Any, where: str) -> tuple[npt.NDArray[np.uint8], int, int, int, int]:
-    """Return the data of a message, its rows, the points in one, and the bytes from row to row and point to point."""
+def cells_of(message: Any, where: str) -> npt.NDArray[np.uint8]:
+    """Return (height, width, point_step) the bytes of each point, padding at the ends of rows left out.
+
+    Raises
+    ------
+    InputError
+        The message, which `where` names, has fewer bytes.
+    """
     step, data = int(message.point_step), np.frombuffer(message.data, np.uint8)
     height, width, row_step = _shape_of(int(message.height), int(message.width), step, int(message.row_step), data)
     needed = (height - 1) * row_step + width * step if height * width else 0
     require_bytes(where, len(data), needed, f"{height} x {width} points of {step} bytes")
-    return data, height, width, row_step, step
+    if not needed:
+        return np.zeros((height, width, step), np.uint8)
+    return np.ndarray((height, width, step), np.uint8, data, 0, (row_step, step, 1))
 
 
 def _shape_of(height: int, width: int, step: int, row_step: int, data: npt.NDArray[np.uint8]) -> tuple[int, int, int]:

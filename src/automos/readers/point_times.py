@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.readers.column_names import has_time
-from automos.readers.columns import MAX_SWEEP, Columns, find_time_unit, is_measured, ring_column, time_column
+from automos.readers.columns import MAX_SWEEP, Columns, find_time_unit, is_measured, time_column, whole_column
 from automos.readers.time_order import with_all_times
 
 _LONGEST, _SHORTEST = 1.7, 0.01
@@ -97,7 +97,7 @@ def sweep_starts(
 
 def _share_backwards(columns: Columns) -> float:
     """Return the share of steps in time, from a point to the next of its beam in the file, that go back."""
-    times, ring = time_column(columns), ring_column(columns)
+    times, ring = time_column(columns), whole_column(columns, "ring")
     if times is None:
         return 0.0
     beam = np.zeros(len(times), np.uint16) if ring is None else ring

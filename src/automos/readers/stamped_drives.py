@@ -88,7 +88,7 @@ class DriveSequence(ListedSequence):
         if not is_there(path):
             return None
         table = read_table(path, 1 + drive.width, "poses", drive.divider, drive.has_names)
-        T = poses_at(self._stamps, drive.tick * table[:, 0], drive.place(table[:, 1:], path), path)
+        T = poses_at(self.stamps, drive.tick * table[:, 0], drive.place(table[:, 1:], path), path)
         return sensor_poses(T, None if drive.mount is None else drive.mount())
 
 
@@ -175,7 +175,7 @@ class ApolloSequence(FolderSequence):
             A scan without a pose, or with one of another time than that of its points.
         """
         rows = self._rows()
-        stamps = rows[:, 1] if self._stamps is None else self._stamps
+        stamps = rows[:, 1] if self.stamps is None else self.stamps
         is_off = np.abs(rows[:, 1] - stamps) > 1.0
         if is_off.any():
             first = int(np.argmax(is_off))

@@ -6,11 +6,9 @@ with each pixel, as Waymo does. It is in the vehicle's axes, but its origin is t
 The tables are read directly: Waymo's own library comes with its own TensorFlow.
 """
 
-import threading
 from collections.abc import Sequence as Sequence_
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +19,7 @@ from automos.core.labels import Label
 from automos.core.reading import damage_reported, is_there
 from automos.core.scan import Pose, Scan
 from automos.readers.box_truth import DrawnBoxes, DrawnTruth, checked_boxes
+from automos.readers.foreign import ByThread
 from automos.readers.formats import Format, digest_of_files, require_increasing
 from automos.readers.listed import NamedSequence
 from automos.readers.parquet import RowReader, read_columns
@@ -61,7 +60,7 @@ class WaymoSequence(DrawnTruth, NamedSequence):
     is_compensated = True
     """The poses of the pixels are applied."""
 
-    _stamps: Array
+    stamps: Array = np.zeros(0)
 
     def __init__(self, segment: Path):
         """Find the scans of a segment.
@@ -72,13 +71,13 @@ class WaymoSequence(DrawnTruth, NamedSequence):
             A table that is absent, damaged or of another layout.
         """
         self.source, self.name = segment, segment.name
-        self._threads = threading.local()
+        self._threads = ByThread()
         self._micros, self._rows = self._times_and_rows("lidar", _LASER)
         if len(self._rows) == 0:
             raise InputError(f"{_table(segment, 'lidar')} holds no scans of the top LiDAR; download it again")
         self._names = [str(micros) for micros in self._micros]
-        self._stamps = 1e-6 * self._micros.astype(np.float64)
-        require_increasing(self._stamps, self._names, segment)
+        self.stamps = 1e-6 * self._micros.astype(np.float64)
+        require_increasing(self.stamps, self._names, segment)
         self._pose_rows = self._find_rows("lidar_pose", _LASER)
         self._T_world_vehicle = self._read_poses()
 
@@ -90,7 +89,7 @@ class WaymoSequence(DrawnTruth, NamedSequence):
             np.concatenate(points),
             intensity=np.concatenate([image[..., 1].ravel() for image in images]),
             ring=np.tile(np.repeat(np.arange(n_beams, dtype=np.uint16), width), len(images)),
-            stamp=float(self._stamps[index]),
+            stamp=float(self.stamps[index]),
             name=self._names[index],
         )
 
@@ -111,12 +110,6 @@ class WaymoSequence(DrawnTruth, NamedSequence):
         """Return a text that changes when the tables do."""
         tables = [_table(self.source, component) for component in ("lidar", "lidar_pose", "lidar_calibration")]
         return f"{super().fingerprint()}:{digest_of_files([*tables, _table(self.source, 'vehicle_pose')])}"
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {key: value for key, value in self.__dict__.items() if key != "_threads"}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state, _threads=threading.local())
 
     # -------------------------------------------------------------------------------------------------------- tables
     def _times_and_rows(self, component: str, *of_top: str) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:

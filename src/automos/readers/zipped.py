@@ -77,6 +77,9 @@ def _only_recording(place: Path, codec: str | None) -> Path:
 class ZippedSequence(OwnSequence):
     """The recording in an archive, which lies in a temporary folder for as long as this does."""
 
+    address: Path = Path()
+    """The archive."""
+
     def __init__(self, path: Path, codec: str | None = None):
         """Unpack the archive at `path`.
 
@@ -92,7 +95,7 @@ class ZippedSequence(OwnSequence):
         self._unpack(path, place)
         with _called(self._folder.name, str(path.parent)):
             super().__init__(open_sequence(_only_recording(place, codec), codec))
-        self.source, self.name, self._archive = path, path.stem, path
+        self.source, self.name, self.address = path, path.stem, path
 
     def _unpack(self, path: Path, place: Path) -> None:
         """Write what is in the file at `path` into a new folder `place`; errors are those of `__init__`."""
@@ -106,18 +109,13 @@ class ZippedSequence(OwnSequence):
                     archive.extract(member, place)
 
     @property
-    def address(self) -> Path:
-        """The archive."""
-        return self._archive
-
-    @property
     def about(self) -> dict[str, str]:
         """As what is in it has it."""
         return self._given.about
 
     def fingerprint(self) -> str:
         """Return a text that changes when the archive does."""
-        return f"{type(self).__name__}:{self.name}:{len(self)}:{digest_of_files([self._archive])}"
+        return f"{type(self).__name__}:{self.name}:{len(self)}:{digest_of_files([self.address])}"
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what another process gets: the folder is this one's to remove."""

@@ -45,6 +45,8 @@ class EditedBox:
 
 EditedScan = dict[int, EditedBox]
 """The boxes of one scan, by track id."""
+_Called = tuple[str, EditedBox]
+"""What a tool calls an object, "" where it has no name, and its box."""
 
 
 def read_edits(path: Path, run: RunFiles) -> dict[int, EditedScan]:
@@ -64,31 +66,30 @@ def read_edits(path: Path, run: RunFiles) -> dict[int, EditedScan]:
         raise InputError(f"{path} does not exist; check the path")
     labels = path / "label" if (path / "label").is_dir() else path
     if labels.is_dir() and any(labels.glob("*.json")) and not (path / ANNOTATIONS).exists():
-        return _read_sustech(labels, run)
+        return _filed({file.stem: _boxes_in(file) for file in labels.glob("[!.]*.json")}, run, labels, "with obj_id")
     document = read_datumaro(path)
     if document is None:
         raise InputError(f"{path} is neither a SUSTechPOINTS scene (label/*.json) nor CVAT's export as 'Datumaro 3D'")
-    return _recognise(_boxes_of(document, path, run), run)
+    return _recognise(_filed(_boxes_of(document, path), run, path, "of track"), run)
 
 
-# ------------------------------------------------------------------------------------------------- SUSTechPOINTS
-def _read_sustech(folder: Path, run: RunFiles) -> dict[int, EditedScan]:
-    files = {path.stem: path for path in folder.glob("[!.]*.json")}
-    require_known(files, run, folder)
-    found = {index: _boxes_in(files[name]) for index, name in enumerate(run.names) if name in files}
-    tracks = _tracks_called([name for boxes in found.values() for name, _ in boxes], run)
+def _filed(boxes: dict[str, list[_Called]], run: RunFiles, path: Path, what: str) -> dict[int, EditedScan]:
+    """Return boxes, by the name of their scan and each with `what` its object is called, by scan and track."""
+    require_known(boxes, run, path)
+    found = {index: boxes[name] for index, name in enumerate(run.names) if name in boxes}
+    tracks = _tracks_called([called for each in found.values() for called, _ in each], run)
     edits: dict[int, EditedScan] = {index: {} for index in found}
-    for index, boxes in found.items():
-        for name, box in boxes:
-            track = next(tracks)
-            if track in edits[index]:
-                path = files[run.names[index]]
-                raise InputError(f"{path} has two boxes with obj_id {name!r}; give each object its own")
+    for index, each in found.items():
+        for called, box in each:
+            if (track := next(tracks)) in edits[index]:
+                scan = run.names[index]
+                raise InputError(f"{path} has two boxes {what} {called!r} in scan {scan!r}; give each object its own")
             edits[index][track] = box
     return edits
 
 
-def _boxes_in(path: Path) -> list[tuple[str, EditedBox]]:
+# ------------------------------------------------------------------------------------------------- SUSTechPOINTS
+def _boxes_in(path: Path) -> list[_Called]:
     """Return the boxes in one label file, each with what its object is called."""
     with damage_reported(path, "is not a label file of SUSTechPOINTS", "save the scene again"):
         document = read_json(path)
@@ -122,26 +123,21 @@ def _tracks_called(names: list[str], run: RunFiles) -> Iterator[int]:
 
 
 # ---------------------------------------------------------------------------------------------------------- CVAT
-def _boxes_of(document: Datumaro, path: Path, run: RunFiles) -> dict[int, EditedScan]:
-    """Return the boxes by scan, under the numbers that CVAT gave the tracks; single shapes have negative ones."""
+def _boxes_of(document: Datumaro, path: Path) -> dict[str, list[_Called]]:
+    """Return the boxes by the name of their scan, each with its track's number in CVAT, "" for single shapes."""
     names = [label.name for label in document.categories.label.labels]
-    items = {Path(str(item.id)).name: item for item in document.items}
-    if len(items) < len(document.items):
-        raise InputError(f"{path} has the boxes of a scan twice; export it from CVAT again")
-    require_known(items, run, path)
-    shapes = count(-1, -1)
-    edits: dict[int, EditedScan] = {index: {} for index, name in enumerate(run.names) if name in items}
-    for index, scan in edits.items():
-        name = run.names[index]
-        for box in items[name].cuboids:
-            track = next(shapes) if box.attributes.track_id is None else box.attributes.track_id
-            if track in scan:
-                raise InputError(f"{path} has two boxes of track {track} in scan {name!r}; give each object its own")
+    boxes: dict[str, list[_Called]] = {}
+    for item in document.items:
+        found = boxes[Path(str(item.id)).name] = []
+        for box in item.cuboids:
             if box.label_id >= len(names):
                 raise InputError(f"{path} has a box of class {box.label_id}, but names {len(names)}; export it again")
             center, size, rotation = tuple(box.position), tuple(box.scale), tuple(box.rotation)
-            scan[track] = _make_box(center, size, rotation, names[box.label_id], path)
-    return edits
+            track = "" if box.attributes.track_id is None else str(box.attributes.track_id)
+            found.append((track, _make_box(center, size, rotation, names[box.label_id], path)))
+    if len(boxes) < len(document.items):
+        raise InputError(f"{path} has the boxes of a scan twice; export it from CVAT again")
+    return boxes
 
 
 def _recognise(edits: dict[int, EditedScan], run: RunFiles) -> dict[int, EditedScan]:

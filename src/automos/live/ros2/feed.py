@@ -22,7 +22,7 @@ from automos.core.labels import Label
 from automos.core.scan import Scan
 from automos.live.feed import ROOM, Feed
 from automos.readers.columns import to_scan
-from automos.readers.point_cloud2 import read_columns
+from automos.readers.point_cloud2 import cells_of, read_columns
 
 _log = logging.getLogger(__name__)
 
@@ -58,32 +58,23 @@ def with_field(message: Any, labels: npt.NDArray) -> Body:
 
     labels : (N,) of `Label`, in the message's order, which is kept; so are rows and columns.
     """
-    rows = _rows(message)
+    cells = cells_of(message, "a message")
+    rows = cells.reshape(-1, cells.shape[2])
     wider = np.empty((len(rows), rows.shape[1] + 1), np.uint8)
     wider[:, :-1] = rows
     wider[:, -1] = np.select([labels == Label.MOVING, labels == Label.STATIC], [MOVING, STATIC], UNKNOWN)
-    return _body(wider, message.height, message.width)
+    return _body(wider, *cells.shape[:2])
 
 
 def with_rows(message: Any, kept: npt.NDArray[np.bool_]) -> Body:
     """Return those points of `message` that are `kept` (N,), as one row."""
-    rows = _rows(message)[kept]
+    rows = cells_of(message, "a message").reshape(-1, int(message.point_step))[kept]
     return _body(rows, 1, len(rows))
 
 
 def new_field(message: Any, make: Any) -> Any:
     """Return the description of the field that `with_field` adds; `make` is the class of such."""
     return make(name=FIELD, offset=int(message.point_step), datatype=_UINT8, count=1)
-
-
-def _rows(message: Any) -> npt.NDArray[np.uint8]:
-    """Return (N, point_step) the bytes of each point, padding at the ends of rows left out."""
-    height, width, step = int(message.height), int(message.width), int(message.point_step)
-    row_step = width * step if height == 1 or not message.row_step else int(message.row_step)
-    data = np.frombuffer(message.data, np.uint8)
-    if height * width == 0:
-        return np.zeros((0, step), np.uint8)
-    return np.ndarray((height, width, step), np.uint8, data, 0, (row_step, step, 1)).reshape(-1, step)
 
 
 def _body(rows: npt.NDArray[np.uint8], height: int, width: int) -> Body:

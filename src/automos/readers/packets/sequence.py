@@ -84,7 +84,7 @@ class PacketSequence(SensorSequence):
         index = self._scan_number(index)
         packets = self._packets(index)
         with limited(self.source):
-            return to_scan(self._decoder.columns(packets), float(self._stamps[index]), self.names[index])
+            return to_scan(self._decoder.columns(packets), float(self.stamps[index]), self.names[index])
 
     @property
     def about(self) -> dict[str, str]:
@@ -106,7 +106,7 @@ class PacketSequence(SensorSequence):
             with suppress(InputError):  # told when that one is opened
                 pieces = find_packets(open_capture(other), self._layout, *_BEGINNING)
                 seconds = np.concatenate([np.zeros(0), *(p.seconds[p.senders == self._sender] for p in pieces)])
-                if len(seconds) and 0.0 <= seconds[0] - self._stamps[-1] <= _PAUSE:
+                if len(seconds) and 0.0 <= seconds[0] - self.stamps[-1] <= _PAUSE:
                     found.append(
                         f"{self.source}: {other.name} goes on where it ends; join both if they are of one drive "
                         f"(mergecap -a -w whole.pcap {self.source.name} {other.name}) and label that."

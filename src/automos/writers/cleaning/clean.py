@@ -5,14 +5,13 @@ messages. What lies beside the scans of a folder (times, poses, calibration) is 
 """
 
 import re
+from collections import Counter
 from collections.abc import Callable
 from enum import Enum
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.core.atomic import write_bytes, write_npy, write_raw, write_text
 from automos.core.claims import CLEANED
@@ -36,6 +35,8 @@ from automos.writers.cleaning.bags import require_rewritable, rewrite_bag
 from automos.writers.formats import Export, copy_file, make_folders, point_columns, write_pcd
 from automos.writers.las import las_bytes
 
+Rows = Callable[[Scan, int], Mask]
+"""Returns which points of a scan of some number are kept."""
 Rewrite = Callable[[Path, Path, str, Mask], None]
 """Takes the file, the one to write, the columns of files that do not name them, and (N,) which points are kept."""
 
@@ -107,7 +108,7 @@ class Choice(Enum):
     NOT_MOVING = "all but moving points"
     MOVING = "moving points"
 
-    def rows(self, run: RunFiles, scan: Scan, index: int) -> npt.NDArray[np.bool_]:
+    def rows(self, run: RunFiles, scan: Scan, index: int) -> Mask:
         """Return (N,) which points of `scan`, number `index` of `run`, are kept."""
         labels = run.labels(index, len(scan))
         if self is Choice.MOVING:
@@ -163,11 +164,17 @@ def clean(run: RunFiles, out: Path, kind: str | None = None, choice: Choice = Ch
         "kind": "own" if is_own else kind,
         "kept": choice.value,
     }
-    counted = _Counted(run, choice)
+    counts = Counter(points=0, left_out=0)
+
+    def rows(scan: Scan, index: int) -> Mask:
+        kept = choice.rows(run, scan, index)
+        counts.update(points=len(kept), left_out=int((~kept).sum()))
+        return kept
+
     with own_folder(out, CLEANED, MARKER, about) as found:
-        written = write(counted, out)
-        found.update(points=counted.n_points, left_out=counted.n_left_out)
-    return written, counted.n_points, counted.n_left_out
+        written = write(run, rows, out)
+        found.update(counts)
+    return written, counts["points"], counts["left_out"]
 
 
 def _export_of(kind: str) -> Export:
@@ -177,21 +184,7 @@ def _export_of(kind: str) -> Export:
     return KINDS[kind]
 
 
-class _Counted:
-    """The choice of points, scan by scan, and how many were left out."""
-
-    def __init__(self, run: RunFiles, choice: Choice):
-        self.run, self._choice, self.n_points, self.n_left_out = run, choice, 0, 0
-
-    def rows(self, scan: Any, index: int) -> Any:
-        """Return (N,) which points of `scan`, number `index`, are kept."""
-        rows = self._choice.rows(self.run, scan, index)
-        self.n_points += len(rows)
-        self.n_left_out += int((~rows).sum())
-        return rows
-
-
-def _own_of(sequence: Sequence) -> Callable[[_Counted, Path], Path]:
+def _own_of(sequence: Sequence) -> Callable[[RunFiles, Rows, Path], Path]:
     """Return what writes a recording in its own kind; InputError where only others can be written of it."""
     if isinstance(sequence, RosbagSequence):
         require_rewritable(sequence)
@@ -201,25 +194,23 @@ def _own_of(sequence: Sequence) -> Callable[[_Counted, Path], Path]:
     raise InputError(f"{sequence.name} is of a kind that is not written again as such: give --as bin, pcd or laz")
 
 
-def _as_other(export: Export, counted: _Counted, out: Path) -> Path:
-    run = counted.run
-    run.rows_of = counted.rows
+def _as_other(export: Export, run: RunFiles, rows: Rows, out: Path) -> Path:
+    run.rows_of = rows
     written = out / f"{run.sequence.name}{export.suffix}" if export.suffix else out
     export.write(run, written)
     return written
 
 
-def _rewrite_bag(sequence: RosbagSequence, counted: _Counted, out: Path) -> Path:
+def _rewrite_bag(sequence: RosbagSequence, run: RunFiles, rows: Rows, out: Path) -> Path:
     topic = sequence.topic
 
     def cut(index: int, raw: bytes) -> bytes:
-        return with_rows(raw, topic.kind, topic.encoding == "cdr", counted.rows(sequence[index], index))
+        return with_rows(raw, topic.kind, topic.encoding == "cdr", rows(sequence[index], index))
 
     return rewrite_bag(sequence, out, cut)
 
 
-def _rewrite_folder(sequence: FolderSequence, rewrite: Rewrite, counted: _Counted, out: Path) -> Path:
-    run = counted.run
+def _rewrite_folder(sequence: FolderSequence, rewrite: Rewrite, run: RunFiles, rows: Rows, out: Path) -> Path:
     for name in _BESIDE:
         if (sequence.source / name).is_file():
             copy_file(sequence.source / name, out / name)
@@ -227,5 +218,5 @@ def _rewrite_folder(sequence: FolderSequence, rewrite: Rewrite, counted: _Counte
         source = sequence.paths[index]
         target = out / source.relative_to(sequence.source)
         target.parent.mkdir(parents=True, exist_ok=True)
-        rewrite(source, target, sequence.columns, counted.rows(run.scan(index), index))
+        rewrite(source, target, sequence.columns, rows(run.scan(index), index))
     return out
