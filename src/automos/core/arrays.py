@@ -12,6 +12,8 @@ Points = npt.NDArray[np.float32]
 Pose = npt.NDArray[np.float64]
 """(4, 4) rigid transform, or (N, 4, 4)."""
 Mask = npt.NDArray[np.bool_]
+Array = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
 Item = TypeVar("Item", covariant=True)
 
 

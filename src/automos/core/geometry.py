@@ -6,11 +6,9 @@ Transforms are named by their frames, `T_target_source`, so that a wrong product
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.arrays import Pose
+from automos.core.arrays import Array, Pose
 from automos.core.errors import InputError
 from automos.core.kernels import kernel
-
-Array = npt.NDArray[np.float64]
 
 FARTHEST = 1e8
 """Metres from the origin of poses: those of grids over a country, or counted from the Earth's middle, stay below."""

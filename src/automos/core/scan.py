@@ -15,6 +15,8 @@ from typing import SupportsFloat
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.arrays import Array as Array
+from automos.core.arrays import Ints as Ints
 from automos.core.arrays import Mask, Points, Pose, hold_array
 from automos.core.errors import InputError
 from automos.core.frames import Frame as Frame

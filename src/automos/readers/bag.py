@@ -10,8 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from automos.core.arrays import Ints
 from automos.core.errors import AutomosError, InputError
 from automos.core.reading import damage_reported, is_there, parse_yaml, read_text, require_regular
 from automos.readers.bag_chunks import ZSTD, unpack
@@ -138,7 +138,7 @@ class Bag:
         """The topics of any file, by name."""
         return sorted({topic for file in self.files for topic in file.topics.values()})
 
-    def index(self, *topics: Topic) -> npt.NDArray[np.int64]:
+    def index(self, *topics: Topic) -> Ints:
         """Return (N, 4) of each message of some topics when it was recorded (ns), its file, its chunk and its place."""
         rows = (
             np.insert(file.places(number), 1, k, axis=1)
@@ -151,7 +151,7 @@ class Bag:
         every = every[np.sort(first)]
         return every[np.argsort(every[:, 0], kind="stable")]
 
-    def read(self, row: npt.NDArray[np.int64], most: int = LARGEST) -> bytes:
+    def read(self, row: Ints, most: int = LARGEST) -> bytes:
         """Return the first `most` bytes, or all, of the message in a row of the index."""
         _, file, chunk, place = row.tolist()
         with damage_reported(self.paths[file]):
@@ -160,7 +160,7 @@ class Bag:
                 raw = unpack(self.files[file].read(chunk, place), "zstd", most)
             return raw
 
-    def size(self, row: npt.NDArray[np.int64]) -> int:
+    def size(self, row: Ints) -> int:
         """Return the bytes of the message in a row of the index, as it lies in its file."""
         _, file, chunk, place = row.tolist()
         with damage_reported(self.paths[file]):

@@ -14,6 +14,7 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.arrays import Ints
 from automos.core.errors import InputError
 from automos.core.extras import import_extra
 from automos.readers.bag_messages import LARGEST, Topic
@@ -62,7 +63,7 @@ class ChunkedFile:
         self._places: defaultdict[int, bytearray] = defaultdict(bytearray)
         self._unpacked: tuple[int, bytes] = (IN_FILE, b"")
 
-    def places(self, number: int) -> npt.NDArray[np.int64]:
+    def places(self, number: int) -> Ints:
         """Return (N, 3) when each message of topic `number` was recorded (ns), its chunk, and where it begins there."""
         return np.frombuffer(bytes(self._places[number]), np.int64).reshape(-1, 3)
 
@@ -94,7 +95,7 @@ class ChunkedFile:
         """Return what the chunk is whose record begins at byte `at`."""
         raise NotImplementedError
 
-    def _index(self, file: BinaryIO) -> tuple[int, npt.NDArray[np.int64], npt.NDArray[np.int64]] | None:
+    def _index(self, file: BinaryIO) -> tuple[int, Ints, Ints] | None:
         """Return topic, times (ns) and places in the chunk of the messages that the next record lists, if it does."""
         raise NotImplementedError
 

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any, BinaryIO, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
+from automos.core.arrays import Ints
 from automos.core.errors import InputError
 from automos.readers.bag_chunks import Chunk, ChunkedFile, exactly
 from automos.readers.bag_messages import LARGEST, Topic, type_name
@@ -71,7 +71,7 @@ class McapFile(ChunkedFile):
         (n,) = struct.unpack("<Q", exactly(file, 8))
         return Chunk(file.tell(), n, kind, size, at + _RECORD + n_record)
 
-    def _index(self, file: BinaryIO) -> tuple[int, npt.NDArray[np.int64], npt.NDArray[np.int64]] | None:
+    def _index(self, file: BinaryIO) -> tuple[int, Ints, Ints] | None:
         head = file.read(_RECORD + 6)
         if len(head) < _RECORD + 6 or head[0] != _INDEX:
             return None
@@ -146,7 +146,7 @@ class Ros1File(ChunkedFile):
         start = file.tell()
         return Chunk(start, n, head[b"compression"].decode(), _u32(head[b"size"]), start + n)
 
-    def _index(self, file: BinaryIO) -> tuple[int, npt.NDArray[np.int64], npt.NDArray[np.int64]] | None:
+    def _index(self, file: BinaryIO) -> tuple[int, Ints, Ints] | None:
         try:
             head, n = _record(file)
             if head.get(b"op") != _ROS1_INDEX:
@@ -195,7 +195,7 @@ class SqliteFile:
         for number, name, kind, encoding in self._rows("SELECT id, name, type, serialization_format FROM topics"):
             self.topics[number] = Topic(name, type_name(kind), encoding)
 
-    def places(self, number: int) -> npt.NDArray[np.int64]:
+    def places(self, number: int) -> Ints:
         """Return (N, 3) when each message of topic `number` was recorded (ns), 0, and its number in the file."""
         rows = self._rows("SELECT timestamp, 0, id FROM messages WHERE topic_id = ? ORDER BY timestamp, id", number)
         return np.array(rows, np.int64).reshape(-1, 3)

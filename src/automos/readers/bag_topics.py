@@ -11,10 +11,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.core.errors import InputError
-from automos.core.scan import Pose
+from automos.core.scan import Array, Pose
 from automos.readers.bag import Bag
 from automos.readers.bag_messages import CLOUD, PACKETS, TREES, Topic, decoded, head, head_size, is_of_points, is_raw
 from automos.readers.stamped_poses import from_quaternions, poses_at
@@ -136,7 +135,7 @@ def _joint(message: Any, position: Any, rotation: Any) -> Joint:
     return Joint(message.header.frame_id.strip("/"), child.strip("/"), state)
 
 
-def poses_in(bag: Bag, frame: str, stamps: npt.NDArray[np.float64]) -> tuple[list[Pose], list[str]]:
+def poses_in(bag: Bag, frame: str, stamps: Array) -> tuple[list[Pose], list[str]]:
     """Return (N, 4, 4) poses in `frame` at `stamps` (N,), likeliest the LiDAR's first; and why there are no others.
 
     A frame of the tree that is called after a LiDAR is it; else what odometry tells of is its vehicle, or the frame
@@ -191,7 +190,7 @@ def _by_child(joints: Iterator[Joint]) -> dict[tuple[str, str], list[State]]:
     return found
 
 
-def _at(stamps: npt.NDArray[np.float64], states: list[State], where: Path) -> Pose:
+def _at(stamps: Array, states: list[State], where: Path) -> Pose:
     times, translations, xyzw = zip(*states, strict=True)
     return poses_at(stamps, np.array(times), from_quaternions(translations, xyzw, where), where)
 

@@ -18,7 +18,7 @@ from automos.core.geometry import FARTHEST, Array, transform
 from automos.core.label_files import pack
 from automos.core.labels import Label
 from automos.core.reading import damage_reported, is_there, read_json
-from automos.core.scan import MAX_RANGE, Pose, Scan, Sequence
+from automos.core.scan import MAX_RANGE, Ints, Pose, Scan, Sequence
 from automos.core.upright_boxes import Boxes, TrueBoxes, points_in_boxes
 from automos.readers.stamped_poses import rigid_transforms
 
@@ -47,7 +47,7 @@ class DrawnBoxes(ColumnData):
     """
 
     scan: npt.NDArray
-    track: npt.NDArray[np.int64]
+    track: Ints
     boxes: Boxes
     label: npt.NDArray[np.uint8]
 
@@ -69,7 +69,7 @@ class DrawnBoxes(ColumnData):
         """Return the boxes drawn in one scan."""
         return self[np.flatnonzero(self.scan == scan)]
 
-    def track_at(self, points: npt.NDArray) -> npt.NDArray[np.int64]:
+    def track_at(self, points: npt.NDArray) -> Ints:
         """Return (N,) which object's box each of `points` (N, 3) is in, 0 in none; all boxes being of their scan."""
         return np.append(self.track, 0)[points_in_boxes(points, self.boxes)].astype(np.int64)
 
@@ -89,7 +89,7 @@ def checked_boxes(center: npt.NDArray, size: npt.NDArray, yaw: npt.NDArray, path
     return Boxes(center, size, yaw, np.ones(len(yaw)))
 
 
-def judge_boxes(track: npt.NDArray[np.int64], time: Array, center_world: Array) -> npt.NDArray[np.uint8]:
+def judge_boxes(track: Ints, time: Array, center_world: Array) -> npt.NDArray[np.uint8]:
     """Return for each box the `Label` of its track: MOVING, STATIC, or UNLABELED if that is not known.
 
     Parameters
@@ -182,9 +182,9 @@ class DrawnTruth(Sequence):
 
 def motion_with_boxes(
     points: npt.NDArray,
-    instance: npt.NDArray[np.int64],
-    now: tuple[npt.NDArray[np.int64], Boxes],
-    later: tuple[npt.NDArray[np.int64], Boxes],
+    instance: Ints,
+    now: tuple[Ints, Boxes],
+    later: tuple[Ints, Boxes],
 ) -> npt.NDArray[np.float32]:
     """Return (N, 3) metres that points move with the boxes they are in, as rigid things do.
 

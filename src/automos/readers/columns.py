@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.core.geometry import inverse, transform
-from automos.core.scan import MAX_RANGE, Points, Pose, Scan
+from automos.core.scan import MAX_RANGE, Array, Mask, Points, Pose, Scan
 from automos.readers.column_names import by_plain_names, called, parts_of_clock, plain_names
 
 Columns = dict[str, npt.NDArray]
@@ -79,7 +79,7 @@ def to_scan(
     )
 
 
-def coordinates(columns: Columns, path: Path) -> npt.NDArray[np.float64]:
+def coordinates(columns: Columns, path: Path) -> Array:
     """Return the (N, 3) coordinates among `columns`, in the file's unit and frame; errors are those of `to_scan`."""
     return _coordinates(by_plain_names(columns, path), path, np.float64)
 
@@ -167,7 +167,7 @@ def _first(columns: Columns, meaning: str) -> npt.NDArray | None:
     return next((columns[name] for name in called(columns, meaning)), None)
 
 
-def is_measured(times: npt.NDArray) -> npt.NDArray[np.bool_]:
+def is_measured(times: npt.NDArray) -> Mask:
     """Return (N,) bool: which points have a time.
 
     NaN is none, nor is what 64 bits of nanoseconds do not reach, nor 0 where the clock began long before the sweep.

@@ -10,8 +10,8 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from automos.core.arrays import Array, Ints, Mask
 from automos.core.errors import InputError
 from automos.core.reading import damage_reported, require_regular
 from automos.readers.codecs import CODEC_OF_SUFFIX, suffix_codec
@@ -69,7 +69,7 @@ def _holds_recording(folder: Path) -> bool:
     return False
 
 
-def list_scans(folder: Path, codec: str | None = None) -> tuple[list[str], str, npt.NDArray[np.float64] | None]:
+def list_scans(folder: Path, codec: str | None = None) -> tuple[list[str], str, Array | None]:
     """Return the names of `folder`'s scan files in time order, their codec, and the stamps (s) in their names, or None.
 
     `codec`, where given, picks the files of its suffix only. Order is that of the stamps, else natural (2 before 10).
@@ -103,7 +103,7 @@ def list_scans(folder: Path, codec: str | None = None) -> tuple[list[str], str, 
     return sorted(names, key=natural_key), kind, None
 
 
-def find_copies(paths: Sequence[Path], n_points: Callable[[int], int]) -> npt.NDArray[np.int64]:
+def find_copies(paths: Sequence[Path], n_points: Callable[[int], int]) -> Ints:
     """Return (N,) for each of `paths` the index of the first that holds the same, byte for byte; empty ones differ.
 
     `n_points` returns the number of points in one of them.
@@ -132,12 +132,12 @@ def _is_all_header(size: int, index: int, n_points: Callable[[int], int]) -> boo
     return False
 
 
-def are_repeats(copy_of: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+def are_repeats(copy_of: Ints) -> Mask:
     """Return (N,) bool: which scans hold what the one before them holds; see `find_copies`."""
     return np.concatenate([[False], copy_of[1:] == copy_of[:-1]])
 
 
-def copy_warnings(copy_of: npt.NDArray[np.int64], names: Sequence[str]) -> list[str]:
+def copy_warnings(copy_of: Ints, names: Sequence[str]) -> list[str]:
     """Return what to say where a scan holds what an earlier one holds, others between them; see `find_copies`."""
     copies = np.flatnonzero((copy_of != np.arange(len(copy_of))) & ~are_repeats(copy_of))
     if not len(copies):
@@ -166,7 +166,7 @@ def _require_sound(names: Sequence[str], folder: Path) -> None:
             raise InputError(f"{folder} holds {twin} and {name}, whose labels would have one name; remove one of them")
 
 
-def _require_one_series(names: Sequence[str], stamps: npt.NDArray[np.float64] | None, folder: Path) -> None:
+def _require_one_series(names: Sequence[str], stamps: Array | None, folder: Path) -> None:
     """Raise where names tell that some scans are another sensor's, or drive's: other words, and the same numbers."""
     series: dict[str, list[tuple[float, str]]] = {}
     for i, name in enumerate(names):

@@ -12,7 +12,7 @@ from automos.core.errors import InputError
 from automos.core.label_files import read_labels
 from automos.core.pose_files import read_calib, read_poses
 from automos.core.reading import damage_reported, is_there
-from automos.core.scan import Mask, Pose, Scan
+from automos.core.scan import Array, Ints, Mask, Pose, Scan
 from automos.core.upright_boxes import TrueBoxes
 from automos.readers import files
 from automos.readers.box_truth import boxes_beside, motion_beside
@@ -95,7 +95,7 @@ class FolderSequence(FileSequence):
     def _read(self, path: Path) -> Columns:
         return read_columns(path, self.codec, self.columns)
 
-    def _raw_points(self, index: int) -> npt.NDArray[np.float64]:
+    def _raw_points(self, index: int) -> Array:
         return self._unit[0] * coordinates(self._read(self.paths[index]), self.paths[index])
 
     def _find_frame(self) -> Pose | None:
@@ -185,12 +185,12 @@ class FolderSequence(FileSequence):
         return [self.source / "poses.txt"]
 
     @cached_property
-    def _copy_of(self) -> npt.NDArray[np.int64]:
+    def _copy_of(self) -> Ints:
         """(len,) for each scan the first one whose file holds the same points; those without are no copies."""
         with damage_reported(self._folder):
             return files.find_copies(self.paths, self._n_points)
 
-    def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64] | None:
+    def _read_times(self, stamps_from_names: Array | None) -> Array | None:
         path = times_file(self.source, self._folder)
         return read_times(path, self._names) if is_there(path) else stamps_from_names
 

@@ -13,7 +13,7 @@ from automos.core.errors import InputError
 from automos.core.geometry import FARTHEST, make_transform, transform
 from automos.core.labels import Label
 from automos.core.pose_files import text_of
-from automos.core.scan import Points, Pose, Scan
+from automos.core.scan import Array, Ints, Mask, Points, Pose, Scan
 from automos.core.upright_boxes import Boxes
 from automos.readers.box_truth import DrawnBoxes, DrawnTruth, centers_in_world, judge_boxes
 from automos.readers.stamped_poses import from_rows, rigid_transforms
@@ -23,7 +23,7 @@ PACKET = 30
 EARTH_RADIUS = 6378137.0
 _MOST = np.array([89.0, 360.0, 1e5, 7.0, 7.0, 7.0])
 """Latitude and longitude, degrees, altitude, metres, and roll, pitch and yaw, radians: beyond are not vehicles."""
-Camera = tuple[Pose, npt.NDArray[np.float64], tuple[float, float]]
+Camera = tuple[Pose, Array, tuple[float, float]]
 """T_rectified_sensor (4, 4), the (3, 4) projection from there to pixels, and the picture's width and height."""
 IMAGE_SIZE = (1242, 375)
 """Pixels, width and height, of the rectified pictures where the calibration does not say."""
@@ -35,13 +35,13 @@ class Calibration:
     def __init__(self, path: Path):
         """Read it; InputError where it is absent or cannot be read."""
         lines = text_of(path, "is missing; download the calibration that belongs to the recording").splitlines()
-        self._path, self._rows = path, dict[str, npt.NDArray[np.float64]]()
+        self._path, self._rows = path, dict[str, Array]()
         for line in lines:
             name, *words = line.replace(":", " ", 1).split() or [""]
             with suppress(ValueError):  # the date of the calibration
                 self._rows[name] = np.array(words, np.float64)
 
-    def row(self, *names: str, size: int) -> npt.NDArray[np.float64]:
+    def row(self, *names: str, size: int) -> Array:
         """Return the row of the first of `names` that is there, of `size` numbers."""
         row = next((self._rows[name] for name in names if name in self._rows), None)
         if row is None or len(row) != size:
@@ -63,7 +63,7 @@ class Calibration:
         return T if to is None else make_transform(T[:3, :3], self.row(to, size=3))
 
 
-def poses_from_packets(packets: npt.NDArray[np.float64], path: Path) -> Pose:
+def poses_from_packets(packets: Array, path: Path) -> Pose:
     """Return (N, 4, 4) T_map_imu of GPS/IMU packets (N, 6 or more): latitude, longitude, altitude, roll, pitch, yaw.
 
     Latitude and longitude in degrees are projected by Mercator at the first one's latitude, as KITTI's own tools do.
@@ -86,9 +86,7 @@ def poses_from_packets(packets: npt.NDArray[np.float64], path: Path) -> Pose:
     return make_transform(Rotation.from_euler("xyz", packets[:, 3:6]).as_matrix(), place)
 
 
-def in_view(
-    points: Points, T_rectified_sensor: Pose, projection: npt.NDArray[np.float64], size: tuple[float, float]
-) -> npt.NDArray[np.bool_]:
+def in_view(points: Points, T_rectified_sensor: Pose, projection: Array, size: tuple[float, float]) -> Mask:
     """Return (N,) bool: whether the camera sees each of `points` (N, 3), sensor frame.
 
     Parameters
@@ -131,7 +129,7 @@ class KittiTruth(DrawnTruth):
         """Return the labels of what the camera sees: nobody drew boxes elsewhere."""
         return np.where(in_view(scan.points, *self._camera), labels, np.uint32(Label.UNLABELED))
 
-    def _in_scans(self, frame: npt.NDArray[np.int64], track: npt.NDArray[np.int64], boxes: Boxes) -> DrawnBoxes:
+    def _in_scans(self, frame: Ints, track: Ints, boxes: Boxes) -> DrawnBoxes:
         """Return those of R boxes in the sensor's frame, by the number of a frame (R,), of which there is a scan."""
         frames, stamps = self._frames, self.stamps
         scan = np.searchsorted(frames, frame).clip(0, len(frames) - 1)
@@ -144,7 +142,7 @@ class KittiTruth(DrawnTruth):
         return DrawnBoxes(scan, track, boxes, judge_boxes(track, seconds, centers_in_world(poses[scan], boxes.center)))
 
     @property
-    def _frames(self) -> npt.NDArray[np.int64]:
+    def _frames(self) -> Ints:
         """(len,) the scans' numbers, which are their names."""
         return np.array([int(name) for name in self.names])
 

@@ -9,13 +9,12 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.core.geometry import inverse
 from automos.core.pose_files import interpolate_poses, read_poses
 from automos.core.reading import damage_reported, is_there, read_bytes
-from automos.core.scan import Pose
+from automos.core.scan import Array, Pose
 from automos.readers.box_truth import DrawnBoxes, checked_boxes
 from automos.readers.folder import FolderSequence
 from automos.readers.formats import Format, require_increasing
@@ -54,7 +53,7 @@ class KittiRawSequence(KittiTruth, FolderSequence):
         super().__init__(source, scan_folder=_scans_of(source) or _SCANS[0])
         self._require_numbered(self._folder)
 
-    def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64] | None:
+    def _read_times(self, stamps_from_names: Array | None) -> Array | None:
         path = self._folder.parent / "timestamps.txt"
         if not is_there(path):
             return None

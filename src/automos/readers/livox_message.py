@@ -8,8 +8,8 @@ import struct
 from contextlib import suppress
 
 import numpy as np
-import numpy.typing as npt
 
+from automos.core.arrays import Mask
 from automos.core.errors import InputError
 from automos.readers.columns import Columns
 from automos.readers.records import require_bytes
@@ -37,7 +37,7 @@ def read_columns(raw: bytes | memoryview, is_ros2: bool, where: str) -> Columns:
     return {name: rows[name] for name in _POINT.names or () if name != "tag"}
 
 
-def with_rows(raw: bytes, is_ros2: bool, kept: npt.NDArray[np.bool_]) -> bytes:
+def with_rows(raw: bytes, is_ros2: bool, kept: Mask) -> bytes:
     """Return message `raw` with those of its N points that are `kept` (N,); errors are those of `read_columns`."""
     here, count, end = _points(raw, is_ros2, "a message")
     if count != len(kept):

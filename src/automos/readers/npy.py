@@ -6,7 +6,6 @@ One that holds several scans is a recording of its own, see `stacked`.
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.core.array_rows import are_scans
 from automos.core.errors import InputError
@@ -43,7 +42,7 @@ def read(path: Path, columns: str = "") -> Columns:
     return found | {name: column for name, column in beside.items() if len(column) == n}
 
 
-def load(path: Path) -> dict[str, npt.NDArray]:
+def load(path: Path) -> dict[str, np.ndarray]:
     """Return the arrays in a file by their names; `points` is the only one of a .npy.
 
     Raises
@@ -55,7 +54,7 @@ def load(path: Path) -> dict[str, npt.NDArray]:
         return _read_archive(path) if path.suffix.lower() == ".npz" else {"points": read_array(path)}
 
 
-def stack_in(array: npt.NDArray) -> list[npt.NDArray] | None:
+def stack_in(array: np.ndarray) -> list[np.ndarray] | None:
     """Return the scans of an array that holds several, (S, N, C), (S, C, N) or structured (S, N); none of one scan.
 
     None where its points do not tell which of both it is.
@@ -74,7 +73,7 @@ def stack_in(array: npt.NDArray) -> list[npt.NDArray] | None:
     return None if are_several is None else list(array) if are_several else []
 
 
-def as_rows(matrix: npt.NDArray) -> npt.NDArray:
+def as_rows(matrix: np.ndarray) -> np.ndarray:
     """Return a row for each point of an array that may be an image, (H, W, C) or (C, H, W), or have (C, N) rows."""
     if matrix.ndim == 3 and 3 <= len(matrix) <= WIDEST < matrix.shape[2]:
         matrix = matrix.reshape(len(matrix), -1)
@@ -85,7 +84,7 @@ def as_rows(matrix: npt.NDArray) -> npt.NDArray:
     return matrix
 
 
-def _read_archive(path: Path) -> dict[str, npt.NDArray]:
+def _read_archive(path: Path) -> dict[str, np.ndarray]:
     with np.load(path, allow_pickle=False) as archive:
         if sum(entry.file_size for entry in archive.zip.infolist()) > MAX_TEXT:
             raise ValueError(f"its arrays unpack to more than {MAX_TEXT >> 20} MB")
@@ -94,13 +93,13 @@ def _read_archive(path: Path) -> dict[str, npt.NDArray]:
         return {name: _flat(archive[name]) for name in archive.files if b"'|O'" not in starts[name]}
 
 
-def _flat(array: npt.NDArray) -> npt.NDArray:
+def _flat(array: np.ndarray) -> np.ndarray:
     """Return an array of a number a point, (N, 1) or (1, N), as (N,), others as they are."""
     is_flat = array.ndim == 2 and 1 in array.shape and array.shape[1] not in range(2, MAX_COLUMNS + 1)
     return array.reshape(-1) if is_flat else array
 
 
-def _points_in(arrays: dict[str, npt.NDArray], path: Path) -> tuple[npt.NDArray | None, Columns]:
+def _points_in(arrays: dict[str, np.ndarray], path: Path) -> tuple[np.ndarray | None, Columns]:
     """Return a file's array of points, None where there is one for each axis, and those of a number a point."""
     if len(arrays) == 1:
         return next(iter(arrays.values())), {}

@@ -11,12 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.core.errors import InputError, MissingExtraError
 from automos.core.extras import import_extra
 from automos.core.reading import damage_reported, require_regular
-from automos.core.scan import Scan
+from automos.core.scan import Array, Scan
 from automos.readers.foreign import ByThread, limited
 from automos.readers.formats import Format, SensorSequence, choose_sensor, is_capture, recordings_at
 from automos.readers.packets.pcap import require_whole
@@ -173,7 +172,7 @@ def first_stamp(frame: Any) -> float:
     return 1e-9 * int(frame.timestamp[received[0]]) if len(received) else 0.0
 
 
-def _column_seconds(frame: Any) -> npt.NDArray[np.float64]:
+def _column_seconds(frame: Any) -> Array:
     """Return (W,) seconds of each column after the first one received; lost columns lie evenly between the others."""
     received = np.flatnonzero(frame.status & _IS_VALID)
     if len(received) == 0:

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.core.errors import AutomosError, InputError
 from automos.core.extras import import_extra
@@ -17,7 +16,7 @@ _BATCH = 5
 """Rows decoded at once."""
 
 
-def read_columns(path: Path, columns: Sequence[str]) -> dict[str, npt.NDArray]:
+def read_columns(path: Path, columns: Sequence[str]) -> dict[str, np.ndarray]:
     """Return whole columns of a table; of lists, as arrays of arrays.
 
     Raises
@@ -44,7 +43,7 @@ class RowReader:
         self._batch: Any = None
         self._first = self._end = 0
 
-    def __getitem__(self, row: int) -> dict[str, npt.NDArray]:
+    def __getitem__(self, row: int) -> dict[str, np.ndarray]:
         with _reported(self._path, self._columns):
             group = int(np.searchsorted(self._starts, row, side="right")) - 1
             if row < self._first or self._starts[group] > self._end or self._batch is None:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.core.geometry import FARTHEST, make_transform
@@ -163,7 +162,7 @@ def _viewpoint(words: list[str] | None) -> Pose:
 
 
 # ------------------------------------------------------------------------------------------------------- points
-def _columns(fields: dict[str, npt.NDArray]) -> Columns:
+def _columns(fields: dict[str, np.ndarray]) -> Columns:
     columns: Columns = {}
     for name, values in fields.items():
         columns |= {} if name.startswith("_") else columns_of_field(name, values)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from automos.core.arrays import Array
 from automos.readers.column_names import has_time
 from automos.readers.columns import MAX_SWEEP, Columns, find_time_unit, is_measured, time_column, whole_column
 from automos.readers.time_order import with_all_times
@@ -68,7 +68,7 @@ def judge_times(scans: Sequence[Columns], where: Path, gap: float | None = None)
     return PointTimes(unit, len(starts) > 1 and float(np.ptp(starts)) > max(1.5 * (end - start), 0.01))
 
 
-def sweep_bounds(times: npt.NDArray, unit: float) -> tuple[float, float]:
+def sweep_bounds(times: np.ndarray, unit: float) -> tuple[float, float]:
     """Return when a sweep began and ended, seconds on the clock of its points; NaN where no point has a time."""
     known = times[is_measured(times)]
     if len(known) == 0:
@@ -82,8 +82,8 @@ def sweep_starts(
     read: Callable[[Path], Columns],
     paths: Sequence[Path],
     about: PointTimes,
-    others: npt.NDArray[np.float64] | None,
-) -> npt.NDArray[np.float64]:
+    others: Array | None,
+) -> Array:
     """Return (N,) seconds at which the sweeps in the files at `paths` begin; `others` if too few have any times."""
 
     def start(path: Path) -> float:

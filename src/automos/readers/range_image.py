@@ -5,13 +5,13 @@ import numpy.typing as npt
 
 from automos.core.cells import moved
 from automos.core.kernels import kernel
-from automos.core.scan import Points, Pose
+from automos.core.scan import Array, Points, Pose
 
 
 def place_pixels(
     distance: npt.NDArray[np.float32],
     pixel_pose: npt.NDArray[np.float32],
-    elevation: npt.NDArray[np.float64],
+    elevation: Array,
     T_vehicle_laser: Pose,
     T_target_world: Pose,
 ) -> Points:

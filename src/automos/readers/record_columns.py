@@ -10,7 +10,7 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.scan import MIN_RANGE
+from automos.core.scan import MIN_RANGE, Array, Mask
 from automos.readers.codecs import LAYOUTS, parse_columns, spell_columns
 from automos.readers.columns import MAX_SWEEP, find_time_unit, is_measured
 from automos.readers.records import SHARE, are_lengths
@@ -79,7 +79,7 @@ def has_numbers(rows: Rows) -> bool:
     return False
 
 
-def _first_three(rows: Rows, kind: str) -> npt.NDArray[np.float64]:
+def _first_three(rows: Rows, kind: str) -> Array:
     return np.stack([_field(rows, axis * int(kind[-1]), kind) for axis in range(3)], axis=1).astype(np.float64)
 
 
@@ -104,7 +104,7 @@ def _field(rows: Rows, at: int, kind: str) -> npt.NDArray:
     return np.ascontiguousarray(rows[:, at : at + int(kind[-1])]).view(kind)[:, 0]
 
 
-def _coordinates(rows: Rows, kind: str) -> npt.NDArray[np.float64] | None:
+def _coordinates(rows: Rows, kind: str) -> Array | None:
     """Return (N, 3) the first three numbers of each row where they can be coordinates, else None."""
     xyz, width = _first_three(rows, kind), int(kind[-1])
     known = xyz[np.isfinite(xyz).all(axis=1) & xyz.any(axis=1)]
@@ -131,14 +131,12 @@ def _is_of(points: npt.NDArray) -> bool:
     return are_floats and all(is_like[name](points[name], xyz) for name in names if name in is_like)
 
 
-def _is_line(values: npt.NDArray, xyz: npt.NDArray[np.float64]) -> bool:
+def _is_line(values: npt.NDArray, xyz: Array) -> bool:
     """Return whether (N,) `values` may be of beams that cross: bytes of something else are the same, or very many."""
     return 1 < len(np.unique(values)) <= _LINES
 
 
-def _rest_of(
-    rows: Rows, xyz: npt.NDArray[np.float64], at: int, kind: str, taken: Collection[str] = ()
-) -> list[tuple[str, str]]:
+def _rest_of(rows: Rows, xyz: Array, at: int, kind: str, taken: Collection[str] = ()) -> list[tuple[str, str]]:
     """Return names, but those `taken`, and types of the columns from byte `at` on; what cannot be told is left out."""
     found: list[tuple[str, str]] = []
     own, order, size = int(kind[-1]), kind[0], rows.shape[1]
@@ -184,7 +182,7 @@ def _likeness(values: npt.NDArray) -> float:
     return float(np.corrcoef(values[1:], values[:-1])[0, 1])
 
 
-def _name_of(values: npt.NDArray, kind: str, xyz: npt.NDArray[np.float64], taken: set[str]) -> str | None:
+def _name_of(values: npt.NDArray, kind: str, xyz: Array, taken: set[str]) -> str | None:
     """Return what a column (N,) beside coordinates `xyz` is; "_": of no known use, None: no column of this type."""
     if kind[1:] == "u8" and np.ptp(values >> 32) > 1:  # of nanoseconds, this counts 4 s
         return None
@@ -201,7 +199,7 @@ def _name_of(values: npt.NDArray, kind: str, xyz: npt.NDArray[np.float64], taken
     return "intensity" if "intensity" not in taken and (values >= 0).mean() > SHARE else "_"
 
 
-def _is_ring(values: npt.NDArray, xyz: npt.NDArray[np.float64]) -> bool:
+def _is_ring(values: npt.NDArray, xyz: Array) -> bool:
     """Return whether (N,) `values` are few whole numbers that say how steep the rays to `xyz` are."""
     if not ((values == np.floor(values)) & (values >= 0) & (values < _BEAMS)).all():
         return False
@@ -209,7 +207,7 @@ def _is_ring(values: npt.NDArray, xyz: npt.NDArray[np.float64]) -> bool:
     return _explains(values, steepness, _seen(xyz))
 
 
-def _is_time(values: npt.NDArray, xyz: npt.NDArray[np.float64]) -> bool:
+def _is_time(values: npt.NDArray, xyz: Array) -> bool:
     """Return whether (N,) `values` go on from point to point, or with the direction around the sensor."""
     size = np.abs(values[values != 0])
     if not (is_measured(values).all() and float(np.ptp(values)) > _SHORTEST and (size > _TICK).all()):
@@ -220,7 +218,7 @@ def _is_time(values: npt.NDArray, xyz: npt.NDArray[np.float64]) -> bool:
     return _goes_on(values) or _explains(direction, values.astype(np.float64), _seen(xyz))
 
 
-def _seen(xyz: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+def _seen(xyz: Array) -> Mask:
     return np.isfinite(xyz).all(axis=1) & (np.abs(xyz).max(axis=1) > MIN_RANGE)
 
 
@@ -236,7 +234,7 @@ def _goes_once(values: npt.NDArray) -> bool:
     return bool(there_and_back < np.sqrt(len(values)) and _goes_on(values))
 
 
-def _explains(groups: npt.NDArray, values: npt.NDArray, counted: npt.NDArray[np.bool_]) -> bool:
+def _explains(groups: npt.NDArray, values: npt.NDArray, counted: Mask) -> bool:
     """Return whether `values` (N,), where `counted`, are much the same within each of several `groups` (N,)."""
     groups, values = groups[counted].astype(np.int64), values[counted]
     if len(values) == 0 or len(np.unique(groups)) < 2:

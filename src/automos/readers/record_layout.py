@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from automos.core.arrays import evenly_spread
 from automos.core.errors import InputError
-from automos.core.scan import MAX_RANGE, MIN_RANGE
+from automos.core.scan import MAX_RANGE, MIN_RANGE, Ints
 from automos.readers.codecs import LAYOUTS, parse_columns
 from automos.readers.columns import MAX_COLUMNS, UNNAMED
 from automos.readers.record_columns import ENOUGH, Rows, columns_of, has_numbers, is_several
@@ -134,14 +134,14 @@ def names_of(matrix: npt.NDArray, path: Path, columns: str = "") -> Sequence[str
     return [f"_{k}" if name == "_" else name for k, name in enumerate(named)]
 
 
-def _by_convention(fitting: list[int], sizes: npt.NDArray[np.int64], paths: Sequence[Path]) -> str:
+def _by_convention(fitting: list[int], sizes: Ints, paths: Sequence[Path]) -> str:
     """Return KITTI's columns where they fit, or nothing does; few records do not show others."""
     if 2 * np.count_nonzero(sizes % 16 == 0) <= len(sizes) or (fitting and 16 not in fitting):
         raise InputError(_unknown(paths, sizes, []))
     return _required(LAYOUTS["bin"], sizes, paths)
 
 
-def _required(columns: str, sizes: npt.NDArray[np.int64], paths: Sequence[Path]) -> str:
+def _required(columns: str, sizes: Ints, paths: Sequence[Path]) -> str:
     """Return `columns`; InputError where a file is no whole number of them."""
     size = parse_columns(columns).itemsize
     if (sizes % size).any():
@@ -153,7 +153,7 @@ def _required(columns: str, sizes: npt.NDArray[np.int64], paths: Sequence[Path])
     return columns
 
 
-def _unknown(paths: Sequence[Path], sizes: npt.NDArray[np.int64], candidates: Collection[str]) -> str:
+def _unknown(paths: Sequence[Path], sizes: Ints, candidates: Collection[str]) -> str:
     odd = int(np.argmax(sizes % 16 != 0))
     fits = "; fitting are " + " and ".join(f"--columns {one}" for one in candidates) if candidates else ""
     return (
@@ -181,7 +181,7 @@ def _gain(rows: Rows) -> float:
     return _code_length(counts.sum(axis=0, keepdims=True)) - _code_length(counts)
 
 
-def _code_length(counts: npt.NDArray[np.int64]) -> float:
+def _code_length(counts: Ints) -> float:
     """Return the bits that a byte takes in one code for each row of `counts` (P, 256), with what it takes to tell them.
 
     Every code is of as many bytes.

@@ -6,8 +6,8 @@ from itertools import islice
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from automos.core.arrays import Array
 from automos.core.errors import InputError
 from automos.core.reading import damage_reported, read_bytes, read_text
 from automos.readers.columns import Columns
@@ -41,14 +41,14 @@ def read_records(path: Path, dtype: np.dtype) -> Columns:
 
 
 @np.errstate(invalid="ignore")
-def are_lengths(values: npt.NDArray) -> bool:
+def are_lengths(values: np.ndarray) -> bool:
     """Return whether nearly all of `values` are none (NaN, infinite), zero, or of a size that lengths have."""
     size = np.abs(values)
     is_none = ~np.isfinite(size) | (size == 0)
     return bool((is_none | ((size > _SMALLEST) & (size < _LARGEST))).mean() >= SHARE)
 
 
-def columns_of_field(name: str, values: npt.NDArray) -> Columns:
+def columns_of_field(name: str, values: np.ndarray) -> Columns:
     """Return the columns that a field is: itself (N,), x, y and z (N, 3) where it is called as places are, or none."""
     if values.ndim == 2 and values.shape[1] == 3 and _PLACES.fullmatch(name.lower()):
         return {axis: values[:, k] for k, axis in enumerate("xyz")}
@@ -112,7 +112,7 @@ def read_table(
 _LINE = re.compile(rb"[^\n]*\S[^\n]*")
 
 
-def parse_table(text: bytes, n_skipped: int = 0, n_rows: int | None = None) -> npt.NDArray[np.float64]:
+def parse_table(text: bytes, n_skipped: int = 0, n_rows: int | None = None) -> Array:
     """Return the (N, C) numbers of `text`, a row for each line that is not blank; (0, 0) where there is none.
 
     Parameters
@@ -138,9 +138,7 @@ def parse_table(text: bytes, n_skipped: int = 0, n_rows: int | None = None) -> n
         raise ValueError(str(error).partition(";")[0].rstrip(".")) from None
 
 
-def parse_points(
-    path: Path, text: bytes, n_columns: int, n_skipped: int, n_points: int, is_last: bool
-) -> npt.NDArray[np.float64]:
+def parse_points(path: Path, text: bytes, n_columns: int, n_skipped: int, n_points: int, is_last: bool) -> Array:
     """Return the (n_points, n_columns) numbers that a file's header promises; nothing follows where they are the last.
 
     Raises

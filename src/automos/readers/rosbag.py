@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.core.geometry import inverse, transform
-from automos.core.scan import Mask, Pose, Scan, Sequence
+from automos.core.scan import Array, Ints, Mask, Pose, Scan, Sequence
 from automos.readers.bag import Bag, drives_of, is_bag, name_of, reported, split_address
 from automos.readers.bag_topics import joints_of, noted
 from automos.readers.formats import Format
@@ -27,7 +27,7 @@ class MergedBagSequence(Sequence):
 
     source: Path
     address: Path | None = None
-    stamps: npt.NDArray[np.float64] | None = None
+    stamps: Array | None = None
 
     def __init__(self, bag: Path, topics: list[str]):
         """Find the messages of `topics`, named below `bag`, and where their LiDARs sit.
@@ -85,7 +85,7 @@ class MergedBagSequence(Sequence):
         """Return a text that changes when the bag's files do, or the topics."""
         return ":".join([type(self).__name__, *(part.fingerprint() for part in self._parts)])
 
-    def _rows_of(self, part: RosbagSequence) -> npt.NDArray[np.int64]:
+    def _rows_of(self, part: RosbagSequence) -> Ints:
         """Return (len,) which message of a topic goes with each scan, -1 where none is near enough."""
         mine, its = self.stamps, part.stamps
         if mine is None or its is None:

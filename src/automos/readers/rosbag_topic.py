@@ -5,12 +5,11 @@ from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.core.geometry import inverse, transform
 from automos.core.pose_files import read_poses
-from automos.core.scan import Mask, Pose, Scan, Sequence
+from automos.core.scan import Array, Mask, Pose, Scan, Sequence
 from automos.readers.bag import Bag, name_of, reported, split_address
 from automos.readers.bag_topics import choose_topic, is_named_world, odometry_frames, poses_in
 from automos.readers.columns import Columns, coordinates, to_scan
@@ -41,7 +40,7 @@ class RosbagSequence(Sequence):
 
     source: Path
     address: Path | None = None
-    stamps: npt.NDArray[np.float64] | None = None
+    stamps: Array | None = None
     _T_frame_sensor: Pose | None = None
 
     def __init__(self, path: Path):
@@ -148,7 +147,7 @@ class RosbagSequence(Sequence):
         return {**columns, **{axis: points[:, k] for k, axis in enumerate("xyz")}}
 
     # -------------------------------------------------------------------------------------------- time and place
-    def _put_in_order(self, stamps: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64] | None, list[str]]:
+    def _put_in_order(self, stamps: Array) -> tuple[Array | None, list[str]]:
         """Put the messages in the order of their headers' stamps; return these, seconds, and what to say of it."""
         recorded = (1e-9 * self._messages.rows[:, 0]).astype(np.float64)
         said, n_unset = [], count_unset(stamps)
@@ -166,7 +165,7 @@ class RosbagSequence(Sequence):
     def _find_sensor(self) -> Pose | None:
         """Return (len, 4, 4) the sensor's poses in the frame of the clouds, None where that is the sensor's own."""
 
-        def points(index: int) -> npt.NDArray[np.float64]:
+        def points(index: int) -> Array:
             return coordinates(self._columns(index), self._where(index))
 
         is_told = is_named_world(self.frame_id) or self.frame_id in odometry_frames(self.bag)

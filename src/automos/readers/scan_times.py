@@ -10,12 +10,11 @@ from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.core.pose_files import lines_of_scans
 from automos.core.reading import is_there, read_text
-from automos.core.scan import LATEST
+from automos.core.scan import LATEST, Array
 from automos.readers.column_names import is_time, parts_of_clock
 from automos.readers.time_order import seconds_of, unevenness, usual_step
 
@@ -30,7 +29,7 @@ _DATE = re.compile(
 )
 
 
-def stamps_from_names(names: Sequence[str]) -> npt.NDArray[np.float64] | None:
+def stamps_from_names(names: Sequence[str]) -> Array | None:
     """Return (N,) seconds if every name, without its suffix, holds a time at the same place, else None.
 
     Times are dates, seconds with decimals, seconds_nanoseconds, or whole seconds, milli-, micro- or nanoseconds since
@@ -46,7 +45,7 @@ def stamps_from_names(names: Sequence[str]) -> npt.NDArray[np.float64] | None:
     return found
 
 
-def _clock_of(*readings: Sequence[float | None]) -> npt.NDArray[np.float64] | None:
+def _clock_of(*readings: Sequence[float | None]) -> Array | None:
     """Return the more even of some readings, (N,) seconds each, of those that may be a clock's; None of none."""
     known = [np.array(reading, np.float64) for reading in readings if len(reading) > 1 and None not in reading]
     steps = [np.diff(np.sort(stamps)) for stamps in known]
@@ -108,7 +107,7 @@ def times_file(*folders: Path) -> Path:
     return next(filter(is_there, places), places[0])
 
 
-def read_times(path: Path, names: Sequence[str]) -> npt.NDArray[np.float64]:
+def read_times(path: Path, names: Sequence[str]) -> Array:
     """Return (N,) the seconds that the file at `path` holds of scans called `names`, a line each.
 
     They may be dates, or whole numbers of milli-, micro- or nanoseconds, in a column that is called as times are, the
@@ -154,7 +153,7 @@ def _table(text: str) -> tuple[list[str], list[list[str]]]:
     return head, rows
 
 
-def _times_in(head: Sequence[str], columns: Sequence[Sequence[str]]) -> npt.NDArray[np.float64]:
+def _times_in(head: Sequence[str], columns: Sequence[Sequence[str]]) -> Array:
     """Return (L,) the times among `columns`, as they are counted there."""
     known = {
         i: np.array(told, np.float64)

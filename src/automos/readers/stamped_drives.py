@@ -13,7 +13,6 @@ from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.core.geometry import Array, make_transform
@@ -159,7 +158,7 @@ class ApolloSequence(FolderSequence):
         """List the scans of the run in folder `source`."""
         super().__init__(source, "pcd", _SCANS)
 
-    def _read_times(self, stamps_from_names: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64] | None:
+    def _read_times(self, stamps_from_names: Array | None) -> Array | None:
         try:
             return self._rows()[:, 1]
         except InputError:
@@ -185,7 +184,7 @@ class ApolloSequence(FolderSequence):
             )
         return sensor_poses(_quaternions(rows[:, 2:], self.source / _POSES))
 
-    def _rows(self) -> npt.NDArray[np.float64]:
+    def _rows(self) -> Array:
         """Return (len, 9) of each scan: number, seconds, x, y, z, qx, qy, qz, qw."""
         table = read_table(self.source / _POSES, 9, "poses")
         row_of = {int(number): row for row, number in enumerate(table[:, 0])}

@@ -20,7 +20,7 @@ from automos.core.errors import InputError
 from automos.core.geometry import FARTHEST, Array, inverse, is_rigid, make_transform, with_exact_rotations
 from automos.core.pose_files import MAX_SKEW, interpolate_poses, nearest_gap
 from automos.core.reading import damage_reported, is_there, parse_yaml, read_text
-from automos.core.scan import Pose, Scan
+from automos.core.scan import Ints, Pose, Scan
 
 _HOLE = 1.0
 """Seconds from the nearest pose beyond which a scan's is not known: in that time a vehicle turns off."""
@@ -127,7 +127,7 @@ class Mounts:
 
     names: list[str]
     T_scan_sensor: Pose
-    rings: npt.NDArray[np.int64] | None = None
+    rings: Ints | None = None
 
     def applied_to(self, scan: Scan, sensor: npt.NDArray | None, where: Path) -> Scan:
         """Return `scan` with the LiDAR of each point, from its column `sensor` (N,) or from its ring.
@@ -194,7 +194,7 @@ def read_mounts(folder: Path) -> Mounts | None:
     return Mounts(names, T, None if all(ring is None for ring in rings) else _checked_rings(rings, names, path))
 
 
-def _checked_rings(rings: list[Any], names: list[str], path: Path) -> npt.NDArray[np.int64]:
+def _checked_rings(rings: list[Any], names: list[str], path: Path) -> Ints:
     """Return (K, 2) the first and last ring of each LiDAR; InputError where they are none, or one has two LiDARs."""
     for ring, name in zip(rings, names, strict=True):
         is_pair = isinstance(ring, list) and len(ring) == 2 and all(r in range(1 << 16) for r in ring)

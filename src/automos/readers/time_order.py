@@ -16,11 +16,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.core.arrays import evenly_spread
 from automos.core.errors import InputError
-from automos.core.scan import Points
+from automos.core.scan import Array, Ints, Points
 
 _HOLE = 60.0
 """Seconds, at most, after which a clock that began at 0 shows its next time."""
@@ -45,12 +44,12 @@ class TimeOrder:
     warnings : what was found and done, in sentences.
     """
 
-    order: npt.NDArray[np.int64]
-    stamps: npt.NDArray[np.float64] | None
+    order: Ints
+    stamps: Array | None
     warnings: list[str]
 
 
-def put_in_order(stamps: npt.NDArray[np.float64], names: Sequence[str], where: Path) -> TimeOrder:
+def put_in_order(stamps: Array, names: Sequence[str], where: Path) -> TimeOrder:
     """Return the order of scans whose times are `stamps` (N,) in seconds; `names` and `where` are for the warnings."""
     as_given = np.arange(len(stamps))
     apart = np.diff(np.unique(stamps))
@@ -84,13 +83,13 @@ def put_in_order(stamps: npt.NDArray[np.float64], names: Sequence[str], where: P
     return TimeOrder(order, _apart(ordered, usual), warnings)
 
 
-def unevenness(steps: npt.NDArray[np.float64]) -> float:
+def unevenness(steps: Array) -> float:
     """Return by how many usual steps `steps` (N,), >= 0, differ from the usual one, in sum."""
     usual = float(np.median(steps)) if len(steps) else 1.0
     return float(np.abs(steps - usual).sum()) / usual if usual > 0.0 else np.inf
 
 
-def count_unset(stamps: npt.NDArray[np.float64]) -> int:
+def count_unset(stamps: Array) -> int:
     """Return how many of the messages' stamps (N,) nobody set: those that are 0, or all where all are the same.
 
     A simulation's clock may begin at 0, and goes on from there.
@@ -104,13 +103,13 @@ def count_unset(stamps: npt.NDArray[np.float64]) -> int:
     return 0 if begins_there else len(unset)
 
 
-def usual_step(stamps: npt.NDArray[np.float64] | None) -> float | None:
+def usual_step(stamps: Array | None) -> float | None:
     """Return the seconds that usually lie between scans at `stamps` (N,), in any order; None without a clock."""
     steps = np.zeros(0) if stamps is None else np.diff(np.sort(stamps))
     return float(np.median(steps[steps > 0.0])) if len(steps) > 1 and (steps > 0.0).any() else None
 
 
-def with_all_times(stamps: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def with_all_times(stamps: Array) -> Array:
     """Return `stamps` (N,) with the few that are NaN, of scans without points, evenly between those beside them.
 
     Beyond the ends, usual steps lead on. Where more than half are NaN there is no clock, and they are left.
@@ -124,7 +123,7 @@ def with_all_times(stamps: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     return np.where(np.isfinite(stamps), stamps, np.interp(rows, known, stamps[known]) + step * beyond)
 
 
-def _apart(stamps: npt.NDArray[np.float64], usual: float) -> npt.NDArray[np.float64]:
+def _apart(stamps: Array, usual: float) -> Array:
     """Return `stamps` (N,), which do not decrease, with those of one time spread to the next, a usual step at most."""
     values, first, count = np.unique(stamps, return_index=True, return_counts=True)
     room = np.minimum(np.append(np.diff(values), usual), usual)
@@ -172,7 +171,7 @@ def put_in_seen_order(points_of: Callable[[int], Points], names: Sequence[str], 
     return TimeOrder(order, None, [warning])
 
 
-def find_renumbering(n: int, points_of: Callable[[int], Points]) -> npt.NDArray[np.int64] | None:
+def find_renumbering(n: int, points_of: Callable[[int], Points]) -> Ints | None:
     """Return the order in which `n` scans were taken if they were renumbered alphabetically, else None.
 
     Parameters
@@ -183,7 +182,7 @@ def find_renumbering(n: int, points_of: Callable[[int], Points]) -> npt.NDArray[
     -------
     order : (n,) int64, the present numbers of the scans in the order of time.
     """
-    looks: dict[int, npt.NDArray[np.float64]] = {}
+    looks: dict[int, Array] = {}
     given = np.arange(n)
     best, found = _MOST_OF, None
     for start in _STARTS:
@@ -203,7 +202,7 @@ def find_renumbering(n: int, points_of: Callable[[int], Points]) -> npt.NDArray[
     return found
 
 
-def appearance(points: Points) -> npt.NDArray[np.float64]:
+def appearance(points: Points) -> Array:
     """Return (sectors, bands), the mean logarithm of range in each direction around the sensor; NaN where nothing is.
 
     points : (N, 3) metres, sensor frame.
@@ -221,12 +220,12 @@ def appearance(points: Points) -> npt.NDArray[np.float64]:
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
-def _mean_difference(looks: Mapping[int, npt.NDArray[np.float64]], steps: Iterable[tuple[int, int]]) -> float:
+def _mean_difference(looks: Mapping[int, Array], steps: Iterable[tuple[int, int]]) -> float:
     """Return how differently the scans of `steps` look, from their `appearance`; NaN where none see the same places."""
     apart = [np.minimum(np.abs(looks[a] - looks[b]), _ANOTHER_THING) for a, b in steps]
     found = [np.nanmean(one) for one in apart if np.isfinite(one).any()]
     return float(np.mean(found)) if found else np.nan
 
 
-def _steps_of(order: npt.NDArray[np.int64]) -> set[tuple[int, int]]:
+def _steps_of(order: Ints) -> set[tuple[int, int]]:
     return set(zip(order[:-1].tolist(), order[1:].tolist(), strict=True))

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from automos.core.arrays import Array, Ints
 from automos.core.errors import InputError
 from automos.readers import bag_messages
 from automos.readers.bag import Bag, reported
@@ -65,12 +65,12 @@ class TopicMessages:
         most = bag_messages.head_size(self._topic)
         return [bag_messages.head(self._bag.read(row, most), self._topic) for row in self.rows]
 
-    def sort(self, order: npt.NDArray[np.int64]) -> None:
+    def sort(self, order: Ints) -> None:
         """Put the scans in this order (len,)."""
         self.rows, self.sizes = self.rows[order], self.sizes[order]
         self._parts = [self._parts[index] for index in order]
 
-    def join(self, stamps: npt.NDArray[np.float64] | None) -> tuple[npt.NDArray[np.float64] | None, list[str]]:
+    def join(self, stamps: Array | None) -> tuple[Array | None, list[str]]:
         """Join those that hold parts of a turn to whole ones; return the scans' stamps, s, and what to say of it."""
         places = places_in_time(stamps, len(self))
         parts = parts_in_a_turn(lambda index: coordinates(self.columns(index), self._where), places)
@@ -119,5 +119,5 @@ class TopicMessages:
     def _decoder(self) -> Decoder:
         return make_decoder((packet for row in self._every for _, packet in self._packets(row)), self._bag.path)
 
-    def _packets(self, row: npt.NDArray[np.int64]) -> list[tuple[float, bytes]]:
+    def _packets(self, row: Ints) -> list[tuple[float, bytes]]:
         return read_packets(self._bag.read(row), self._topic.kind, self._is_ros2, str(self._where))

@@ -10,10 +10,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.core.errors import InputError
-from automos.core.scan import MIN_RANGE
+from automos.core.scan import MIN_RANGE, Array, Ints
 from automos.readers.column_names import is_time
 from automos.readers.columns import Columns, time_column
 
@@ -30,11 +29,11 @@ _WHOLE = 0.1
 class Parts(NamedTuple):
     """The messages (n, 4) of one scan, rows of a bag's index, and seconds (n,) after the first, None without times."""
 
-    rows: npt.NDArray[np.int64]
-    since: npt.NDArray[np.float64] | None = None
+    rows: Ints
+    since: Array | None = None
 
 
-def places_in_time(stamps: npt.NDArray[np.float64] | None, n: int) -> npt.NDArray[np.int64]:
+def places_in_time(stamps: Array | None, n: int) -> Ints:
     """Return (n,) the place of each cloud in an even row of them, in which those that are missing have places, too."""
     if stamps is None or n < 2:
         return np.arange(n)
@@ -42,7 +41,7 @@ def places_in_time(stamps: npt.NDArray[np.float64] | None, n: int) -> npt.NDArra
     return np.concatenate([[0], np.cumsum(np.round(steps / np.median(steps)))]).astype(np.int64)
 
 
-def parts_in_a_turn(points: Callable[[int], npt.NDArray], places: npt.NDArray[np.int64]) -> float:
+def parts_in_a_turn(points: Callable[[int], np.ndarray], places: Ints) -> float:
     """Return how many clouds make a turn, 1 where they are no parts of one.
 
     Parameters
@@ -77,9 +76,7 @@ def parts_in_a_turn(points: Callable[[int], npt.NDArray], places: npt.NDArray[np
     return float(round(parts)) if abs(parts - round(parts)) <= _WHOLE else parts
 
 
-def parts_said(
-    points: Callable[[int], npt.NDArray], stamps: npt.NDArray[np.float64] | None, n: int, where: Path
-) -> list[str]:
+def parts_said(points: Callable[[int], np.ndarray], stamps: Array | None, n: int, where: Path) -> list[str]:
     """Return what to say where each of `n` files holds a part of a turn, which has labels of its own; else nothing."""
     with suppress(InputError):  # reported when the scan itself is read
         if parts_in_a_turn(points, places_in_time(stamps, n)) >= 2.0:
@@ -88,7 +85,7 @@ def parts_said(
     return []
 
 
-def _way(ahead: npt.NDArray, at: npt.NDArray, least: float) -> tuple[npt.NDArray, npt.NDArray]:
+def _way(ahead: np.ndarray, at: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:
     """Return how far (n,) clouds that look `ahead` (complex) have turned since the first, rad, and their places since.
 
     Both are empty where they do not turn by `least` from a place to the next, or not steadily.
@@ -104,7 +101,7 @@ def _way(ahead: npt.NDArray, at: npt.NDArray, least: float) -> tuple[npt.NDArray
     return np.concatenate([[0.0], np.cumsum(apart * usual + off)]), (at - at[0]).astype(np.float64)
 
 
-def joined(parts: Sequence[Columns], since: npt.NDArray[np.float64] | None, unit: float | None) -> Columns:
+def joined(parts: Sequence[Columns], since: Array | None, unit: float | None) -> Columns:
     """Return the columns of several parts of a scan as those of one, in their order.
 
     Parameters

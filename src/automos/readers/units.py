@@ -15,7 +15,7 @@ from itertools import permutations, product
 import numpy as np
 import numpy.typing as npt
 
-from automos.core.scan import MIN_RANGE
+from automos.core.scan import MIN_RANGE, Array, Ints
 
 UNITS = {"centimetres": 0.01, "millimetres": 0.001}
 """Metres of what recorders write beside metres."""
@@ -92,13 +92,13 @@ def are_angles(cloud: npt.NDArray[np.floating], turns: bool = False) -> bool:
     return False
 
 
-def entropy(count: npt.NDArray[np.int64]) -> float:
+def entropy(count: Ints) -> float:
     """Return the entropy, bits, of what was counted (K,) times in each of K classes."""
     share = count[count > 0] / count.sum()
     return float(-np.sum(share * np.log2(share)))
 
 
-def _spread_of_ranges(cloud: npt.NDArray[np.float64]) -> float:
+def _spread_of_ranges(cloud: Array) -> float:
     """Return by what share, on the mean, the range of one of (N, 3) points differs from that in the next direction."""
     from scipy.spatial import KDTree
 

@@ -17,7 +17,7 @@ from automos.core.errors import InputError
 from automos.core.geometry import Array, inverse, make_transform
 from automos.core.labels import Label
 from automos.core.reading import damage_reported, is_there
-from automos.core.scan import Pose, Scan
+from automos.core.scan import Ints, Pose, Scan
 from automos.readers.box_truth import DrawnBoxes, DrawnTruth, checked_boxes
 from automos.readers.foreign import ByThread
 from automos.readers.formats import Format, digest_of_files, require_increasing
@@ -112,7 +112,7 @@ class WaymoSequence(DrawnTruth, NamedSequence):
         return f"{super().fingerprint()}:{digest_of_files([*tables, _table(self.source, 'vehicle_pose')])}"
 
     # -------------------------------------------------------------------------------------------------------- tables
-    def _times_and_rows(self, component: str, *of_top: str) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    def _times_and_rows(self, component: str, *of_top: str) -> tuple[Ints, Ints]:
         """Return the times in a table and the rows they are in, of the top LiDAR where it names LiDARs."""
         path = _table(self.source, component)
         keys = read_columns(path, [_TIME, *of_top])

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.core.own_sequence import OwnSequence
@@ -122,7 +121,7 @@ class ZippedSequence(OwnSequence):
         return {key: value for key, value in super().__getstate__().items() if key != "_folder"}
 
 
-def _scans_of(path: Path) -> tuple[list[npt.NDArray] | None, npt.NDArray | None]:
+def _scans_of(path: Path) -> tuple[list[np.ndarray] | None, np.ndarray | None]:
     """Return the scans in a file, none where it holds one, None where that is open; and (S,) their times, if any."""
     from automos.readers.npy import WIDEST, load, stack_in
 
@@ -133,7 +132,7 @@ def _scans_of(path: Path) -> tuple[list[npt.NDArray] | None, npt.NDArray | None]
     # of few of one size, which NumPy named, one may be of points, others of what is known of them
     are_clouds = len(columns) == 1 and min(columns) >= (3,) and (len(rows) > 1 or stems != {"arr_"})
     if len(stems) == 1 < len(clouds) and (len(clouds) > WIDEST or (are_clouds and min(rows) > (WIDEST,))):
-        found: list[npt.NDArray] | None = [clouds[name] for name in sorted(clouds, key=natural_key)]
+        found: list[np.ndarray] | None = [clouds[name] for name in sorted(clouds, key=natural_key)]
     else:
         found = stack_in(*clouds.values()) if len(clouds) == 1 else []
     sized = (name for name, array in arrays.items() if found and array.shape == (len(found),))

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.arrays import Ints
 from automos.core.atomic import write_npy, write_raw
 from automos.core.errors import InputError
 from automos.core.label_files import pack, read_confidences, read_labels, to_mos
@@ -76,7 +77,7 @@ class PointFiles:
         """
         return to_mos(self.packed(index, n_points))
 
-    def instances(self, index: int, n_points: int | None = None) -> npt.NDArray[np.int64]:
+    def instances(self, index: int, n_points: int | None = None) -> Ints:
         """Return (N,) the id of the object that each moving point belongs to, 0 for none.
 
         Raises

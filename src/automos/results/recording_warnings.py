@@ -1,11 +1,10 @@
 """Irregularities of a recording, in sentences: its clock, missing, duplicate or too few scans, foreign poses."""
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.core.arrays import evenly_spread
 from automos.core.errors import InputError
-from automos.core.scan import Sequence
+from automos.core.scan import Array, Sequence
 from automos.odometry.clock import GAP, USUAL_PERIOD
 
 USUAL_RATE = 1.0 / USUAL_PERIOD
@@ -71,7 +70,7 @@ def _doubled(sequence: Sequence) -> list[str]:
     return [f"{int(repeats.sum())} scans are the one before them once more (first: {sequence.names[first]})."]
 
 
-def _missing(stamps: npt.NDArray[np.float64], names: list[str]) -> list[str]:
+def _missing(stamps: Array, names: list[str]) -> list[str]:
     steps = np.diff(stamps)
     if len(steps) < 2:
         return []

@@ -18,7 +18,7 @@ from automos.core.errors import InputError
 from automos.core.geometry import inverse, transform, upright_pose
 from automos.core.pose_files import read_poses
 from automos.core.run import Progress, silent
-from automos.core.scan import GROUND, Frame, Points, Pose, Scan, Sequence
+from automos.core.scan import GROUND, Array, Frame, Ints, Mask, Points, Pose, Scan, Sequence
 from automos.core.workspace import require_same
 from automos.evaluation.predictions import find_predictions
 from automos.objects.kinds import Kind, likeliest
@@ -66,7 +66,7 @@ class RunFiles(PointFiles):
         super().__init__(folder, sequence.names, find_predictions(folder, sequence.name, is_only=True))
         self.sequence = sequence
         self.deskewed = deskewed
-        self.rows_of: Callable[[Scan, int], npt.NDArray[np.bool_]] | None = None
+        self.rows_of: Callable[[Scan, int], Mask] | None = None
         self._beside_tracks: dict[str, Any] = {}
         self._progress = progress
         missing = [name for name in self.names if not (self._predictions / f"{name}.label").exists()]
@@ -112,7 +112,7 @@ class RunFiles(PointFiles):
         """Return the points of use of `scan`, motion-compensated; None if the run no longer says how."""
         return None if self._trajectory is None else make_frame(scan, self._trajectory, index)
 
-    def is_ground(self, scan: Scan, index: int) -> npt.NDArray[np.bool_]:
+    def is_ground(self, scan: Scan, index: int) -> Mask:
         """Return (N,) which points of `scan` lie on the ground; none if the run no longer says so."""
         is_ground = np.zeros(len(scan), bool)
         if found := self.stored.load("candidates", self.names[index], "kind"):
@@ -169,7 +169,7 @@ class RunFiles(PointFiles):
         return inverse(self.T_level_upright(index)) @ self.T_level_sensor(index)
 
     @property
-    def stamps(self) -> npt.NDArray[np.float64]:
+    def stamps(self) -> Array:
         """(len,) seconds; ten scans a second where the recording has no clock."""
         stamps = self.sequence.stamps
         return 0.1 * np.arange(len(self), dtype=np.float64) if stamps is None else stamps
@@ -186,7 +186,7 @@ class RunFiles(PointFiles):
         T = inverse(self.T_level_upright(index))
         return replace(level, boxes=level.boxes.transformed(T), velocity=level.velocity @ T[:3, :3].T)
 
-    def kinds(self, ids: npt.NDArray[np.int64]) -> npt.NDArray[np.int8]:
+    def kinds(self, ids: Ints) -> npt.NDArray[np.int8]:
         """Return (K,) of `Kind`, the likeliest of each of some tracks, `ids` (K,); OTHER where there is no such."""
         unique, row = np.unique(ids, return_inverse=True)
         return np.array([self._kind_of_track.get(track, Kind.OTHER) for track in unique.tolist()], np.int8)[row]

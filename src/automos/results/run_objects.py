@@ -12,7 +12,7 @@ import numpy.typing as npt
 from automos.core.column_data import ColumnData
 from automos.core.extras import import_extra
 from automos.core.geometry import upright_pose
-from automos.core.scan import Pose
+from automos.core.scan import Array, Ints, Mask, Pose
 from automos.core.upright_boxes import Boxes
 from automos.objects.kinds import Kind, likeliest
 from automos.objects.verdict import Verdict
@@ -21,7 +21,7 @@ from automos.results.tracks_file import MIN_SIDE, VERDICTS
 if TYPE_CHECKING:
     import pandas as pd
 
-_Vector = npt.NDArray[np.float64]
+_Vector = Array
 
 
 class Box(NamedTuple):
@@ -67,11 +67,11 @@ class ScanBoxes(ColumnData):
     """
 
     boxes: Boxes
-    ids: npt.NDArray[np.int64]
+    ids: Ints
     verdict: npt.NDArray[np.int8]
     kind: npt.NDArray[np.int8]
-    velocity: npt.NDArray[np.float64]
-    observed: npt.NDArray[np.bool_]
+    velocity: Array
+    observed: Mask
 
     def __iter__(self) -> Iterator[Box]:
         boxes = self.boxes
@@ -119,12 +119,12 @@ class Object:
     verdict: str
     p_moved: float
     kinds: dict[str, float]
-    scans: npt.NDArray[np.int64]
-    stamps: npt.NDArray[np.float64]
+    scans: Ints
+    stamps: Array
     boxes: Boxes
-    velocity: npt.NDArray[np.float64]
-    p_moving: npt.NDArray[np.float64]
-    observed: npt.NDArray[np.bool_]
+    velocity: Array
+    p_moving: Array
+    observed: Mask
 
     @staticmethod
     def of_track(track: dict[str, Any]) -> Object:
@@ -157,12 +157,12 @@ class Object:
         return likeliest(self.kinds).name.lower()
 
     @property
-    def moves(self) -> npt.NDArray[np.bool_]:
+    def moves(self) -> Mask:
         """(K,) whether it moves in each of the scans; all False unless its verdict is "moving"."""
         return (self.p_moving >= 0.5) & (self.verdict == "moving")
 
 
-def boxes_by_scan(objects: Sequence[Object]) -> tuple[npt.NDArray[np.int64], ScanBoxes]:
+def boxes_by_scan(objects: Sequence[Object]) -> tuple[Ints, ScanBoxes]:
     """Return the scan of each box of all `objects`, ascending, and the boxes; sides are `MIN_SIDE` at least."""
     told = [(one.id, VERDICTS.index(one.verdict), likeliest(one.kinds)) for one in objects]
     each = np.array([len(one) for one in objects], np.int64)

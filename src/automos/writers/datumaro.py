@@ -4,7 +4,7 @@ import zipfile
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, Field, TypeAdapter
+from pydantic import AliasPath, BaseModel, Field, TypeAdapter
 
 from automos.core.reading import MAX_TEXT, checked, damage_reported, parse_json, read_json, require_regular
 from automos.writers.annotation_tools import ANNOTATIONS
@@ -46,18 +46,10 @@ class _Label(BaseModel):
     name: str
 
 
-class _Labels(BaseModel):
-    labels: list[_Label]
-
-
-class _Categories(BaseModel):
-    label: _Labels
-
-
 class Datumaro(BaseModel):
     """The annotations of a task, an item a scan."""
 
-    categories: _Categories
+    labels: Annotated[list[_Label], Field(validation_alias=AliasPath("categories", "label", "labels"))]
     items: list[_Item]
 
 

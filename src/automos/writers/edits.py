@@ -125,7 +125,7 @@ def _tracks_called(names: list[str], run: RunFiles) -> Iterator[int]:
 # ---------------------------------------------------------------------------------------------------------- CVAT
 def _boxes_of(document: Datumaro, path: Path) -> dict[str, list[_Called]]:
     """Return the boxes by the name of their scan, each with its track's number in CVAT, "" for single shapes."""
-    names = [label.name for label in document.categories.label.labels]
+    names = [label.name for label in document.labels]
     boxes: dict[str, list[_Called]] = {}
     for item in document.items:
         found = boxes[Path(str(item.id)).name] = []

@@ -25,7 +25,7 @@ from automos.core.errors import InputError
 from automos.core.extras import import_extra
 from automos.core.geometry import inverse, transform
 from automos.core.labels import Label
-from automos.core.scan import Pose, Sequence
+from automos.core.scan import Ints, Mask, Pose, Sequence
 from automos.evaluation.flow import DYNAMIC, FlowCounts, evaluate_flow
 from automos.results.open_run import runs_in
 from automos.results.run_files import RunFiles
@@ -51,9 +51,9 @@ class ScanFlow:
     points: npt.NDArray[np.float32]
     own: Motion
     T_next_this: Pose
-    is_dynamic: npt.NDArray[np.bool_]
-    is_known: npt.NDArray[np.bool_]
-    instances: npt.NDArray[np.int64]
+    is_dynamic: Mask
+    is_known: Mask
+    instances: Ints
 
     @property
     def flow(self) -> Motion:

@@ -14,7 +14,7 @@ from automos.core.claims import SIGN
 from automos.core.extras import import_extra
 from automos.core.geometry import quaternion_of
 from automos.core.reading import damage_reported, require_regular
-from automos.core.scan import Mask, Points, Pose, Scan
+from automos.core.scan import Ints, Mask, Points, Pose, Scan
 from automos.readers.columns import Columns
 from automos.readers.point_cloud2 import packed_rows
 from automos.results.run_files import RunFiles
@@ -89,7 +89,7 @@ def scalar_first(T: Pose) -> list[float]:
     return rotation
 
 
-def microseconds(run: RunFiles) -> npt.NDArray[np.int64]:
+def microseconds(run: RunFiles) -> Ints:
     """Return (len(run),) the scans' times, from 0 on where the first is before it."""
     return np.round(1e6 * (run.stamps - min(0.0, float(run.stamps[0])))).astype(np.int64)
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.arrays import Ints
 from automos.core.atomic import held, remove_parts, write_json, write_raw
 from automos.core.claims import remove
 from automos.core.errors import InputError
@@ -102,7 +103,7 @@ def _remove_others(out: Path, names: list[str]) -> None:
             remove(path)
 
 
-PerPoint = tuple[npt.NDArray[np.uint8], npt.NDArray[np.int64]]
+PerPoint = tuple[npt.NDArray[np.uint8], Ints]
 """Label and instance of each point of a scan."""
 
 

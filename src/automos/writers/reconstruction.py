@@ -23,7 +23,7 @@ from automos.core.errors import InputError
 from automos.core.extras import import_extra
 from automos.core.geometry import inverse, make_transform, se3_exp, transform
 from automos.core.labels import Label
-from automos.core.scan import Pose
+from automos.core.scan import Array, Pose
 from automos.objects.kinds import Kind
 from automos.odometry.elevation import raised_scan
 from automos.readers.kitti_raw import KittiRawSequence
@@ -180,7 +180,7 @@ def _write_points(run: RunFiles, index: int, out: Path) -> None:
     _write_table(out / "ego_pose" / f"{index:03d}.txt", run.T_level_sensor(index))
 
 
-def _write_table(path: Path, rows: npt.NDArray[np.float64]) -> None:
+def _write_table(path: Path, rows: Array) -> None:
     write_text(path, "".join(" ".join(f"{value:.12g}" for value in row) + "\n" for row in rows))
 
 

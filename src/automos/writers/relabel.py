@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.labels import Label
-from automos.core.scan import Points
+from automos.core.scan import Ints, Mask, Points
 from automos.core.upright_boxes import points_in_boxes
 from automos.readers.box_truth import SOLE
 from automos.results.run_objects import ScanBoxes
@@ -56,11 +56,11 @@ def compare(found: ScanBoxes, edited: EditedScan | None) -> list[Change]:
 
 def relabel(
     points: Points,
-    is_valid: npt.NDArray[np.bool_],
+    is_valid: Mask,
     labels: npt.NDArray[np.uint8],
-    instances: npt.NDArray[np.int64],
+    instances: Ints,
     changes: list[Change],
-) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.int64]]:
+) -> tuple[npt.NDArray[np.uint8], Ints]:
     """Return the labels and instances of a scan after `changes`.
 
     Parameters
@@ -93,5 +93,5 @@ def relabel(
     return label, instance
 
 
-def _inside(points: Points, box: EditedBox) -> npt.NDArray[np.bool_]:
+def _inside(points: Points, box: EditedBox) -> Mask:
     return points_in_boxes(points, box.to_boxes()) >= 0

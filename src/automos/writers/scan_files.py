@@ -15,13 +15,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.core.atomic import atomic_path, faults_reported, write_bytes
 from automos.core.claims import SIGN
 from automos.core.errors import InputError
 from automos.core.extras import import_extra
-from automos.core.geometry import inverse, transform
+from automos.core.geometry import Array, inverse, transform
 from automos.core.label_files import pack
 from automos.core.labels import Label
 from automos.readers.point_cloud2 import cloud_message
@@ -128,7 +127,7 @@ def _write_dynamicmap(run: RunFiles, out: Path) -> None:
                 file.write(part)
 
 
-def _in_world(run: RunFiles, index: int, T_first_sensor: npt.NDArray[np.float64]) -> dict[str, npt.NDArray]:
+def _in_world(run: RunFiles, index: int, T_first_sensor: Array) -> dict[str, np.ndarray]:
     scan = run.scan(index)
     points = transform(T_first_sensor, run.points_at_pose(scan, index)[scan.is_valid]).astype(np.float32)
     is_moving = run.labels(index, len(scan))[scan.is_valid] == Label.MOVING

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from automos.core.arrays import Array
 from automos.core.errors import InputError
 from automos.core.reading import damage_reported, is_there, read_bytes, read_json, read_text
 from automos.readers.packets.layouts import Layout
@@ -28,11 +28,11 @@ _PITCHES, _ANGLES = slice(1165, 1165 + 48), slice(468, 468 + 192)
 class Beams:
     """The (C,) elevations and azimuths of a sensor's beams, degrees, and what to say of them."""
 
-    elevation: npt.NDArray[np.float64]
-    azimuth: npt.NDArray[np.float64]
+    elevation: Array
+    azimuth: Array
     warnings: tuple[str, ...] = ()
 
-    def towards(self, turned: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    def towards(self, turned: Array) -> tuple[Array, Array]:
         """Return azimuths and elevations of rays (..., n) in degrees, sent where a sensor has `turned` (..., n) so far.
 
         Its n points of a block are of its beams, in turn.
@@ -49,10 +49,10 @@ class MirrorBeams(Beams):
     off, every two degrees of the turn; all in degrees.
     """
 
-    starts: npt.NDArray[np.float64]
-    bent: npt.NDArray[np.float64]
+    starts: Array
+    bent: Array
 
-    def towards(self, turned: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    def towards(self, turned: Array) -> tuple[Array, Array]:
         """Return what `Beams.towards` does."""
         since = np.minimum.reduce([(turned - start) % 360.0 for start in self.starts])
         share, before = np.modf(turned / 2.0 % 180.0)

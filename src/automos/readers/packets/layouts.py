@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.arrays import Array, Ints, Mask
 from automos.readers.packets.pcap import Datagrams
 
 _COUNTS = {"milli": 1e-3, "micro": 1e-6, "nano": 1e-9}
@@ -64,7 +65,7 @@ class Layout:
         """Whether the sensor turns, so that its beams are what its points lie along."""
         return "blocks" in self.names and "azimuth" in (self.dtype["blocks"].base.names or ())
 
-    def are_own(self, payloads: npt.NDArray[np.uint8]) -> npt.NDArray[np.bool_]:
+    def are_own(self, payloads: npt.NDArray[np.uint8]) -> Mask:
         """Return (N,) which of some payloads (N, size) are such packets."""
         found = np.ones(len(payloads), bool)
         for at, mark in self.marks.items():
@@ -75,7 +76,7 @@ class Layout:
         """Return (N,) packets as what they are."""
         return np.ascontiguousarray(packets.payloads).view(self.dtype)[:, 0]
 
-    def clock(self, packets: Datagrams) -> npt.NDArray[np.float64]:
+    def clock(self, packets: Datagrams) -> Array:
         """Return (N,) seconds on the sensor's clock since that of the first began anew.
 
         How often it did so between two packets is what brings it nearest to the times of recording.
@@ -88,7 +89,7 @@ class Layout:
             seconds[1:] += self.hour * np.cumsum(anew)
         return seconds
 
-    def turned(self, packets: Datagrams) -> npt.NDArray[np.int64]:
+    def turned(self, packets: Datagrams) -> Ints:
         """Return (N,) how far the sensor has come in its turn or frame at each packet, in 1/36000 of it."""
         rows = self.rows(packets)
         if self.turns:

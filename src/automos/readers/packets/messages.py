@@ -4,8 +4,8 @@ import struct
 from collections.abc import Iterable
 
 import numpy as np
-import numpy.typing as npt
 
+from automos.core.arrays import Ints
 from automos.core.errors import InputError
 from automos.readers.packets.pcap import Datagrams
 from automos.readers.wire import Wire
@@ -24,9 +24,7 @@ _SINGLE = "rslidar_msg/msg/RslidarPacket"
 TYPES = (*_SCANS, _SINGLE)
 
 
-def rows_of_scans(
-    rows: npt.NDArray[np.int64], heads: Iterable[bytes], kind: str, is_ros2: bool, where: str
-) -> list[npt.NDArray[np.int64]]:
+def rows_of_scans(rows: Ints, heads: Iterable[bytes], kind: str, is_ros2: bool, where: str) -> list[Ints]:
     """Return the rows (N, 4) of messages, whose beginnings are `heads`, cut into those of a scan each.
 
     A message is a scan unless it holds a single packet; of these, the driver says which is the first.

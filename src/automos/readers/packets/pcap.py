@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
 
+from automos.core.arrays import Array, Ints
 from automos.core.column_data import ColumnData
 from automos.core.errors import InputError
 from automos.core.kernels import kernel
@@ -46,10 +47,10 @@ class Datagrams(ColumnData):
     senders : (N,) int64, the sender's IPv4 address and, in the lowest 16 bits, the port it sent to.
     """
 
-    records: npt.NDArray[np.int64]
+    records: Ints
     payloads: npt.NDArray[np.uint8]
-    seconds: npt.NDArray[np.float64]
-    senders: npt.NDArray[np.int64]
+    seconds: Array
+    senders: Ints
 
 
 @dataclass(frozen=True)
@@ -63,8 +64,8 @@ class Capture:
     size: int
     is_big: bool
     is_ng: bool
-    units: npt.NDArray[np.float64]
-    before_ip: npt.NDArray[np.int64]
+    units: Array
+    before_ip: Ints
 
     def datagrams(self, n_bytes: int, start: int = 0, stop: int | None = None) -> Iterator[Datagrams]:
         """Yield, piece by piece, the datagrams of `n_bytes` in the records from byte `start` of the file to `stop`.

@@ -7,8 +7,8 @@ are whole; or where another begins a frame.
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
+from automos.core.arrays import Array, Ints, Mask
 from automos.core.kernels import kernel
 from automos.readers.packets.layouts import LAYOUTS, LVX, LVX2, Layout
 from automos.readers.packets.lvx import LvxFile
@@ -47,9 +47,7 @@ def kinds_in(capture: Capture | LvxFile) -> Iterator[Layout]:
     return (layout for layout in known if any(map(len, find_packets(capture, layout, *_LOOKED_AT))))
 
 
-def find_sweeps(
-    capture: Capture | LvxFile, layout: Layout
-) -> dict[int, tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]]:
+def find_sweeps(capture: Capture | LvxFile, layout: Layout) -> dict[int, tuple[Ints, Array]]:
     """Return of each sender where its N sweeps begin, (N + 1,) bytes with the file's end, and (N,) stamps in seconds.
 
     Stamps are of the sweeps' first packets on the sensor's clock, which is set to the recorder's at the first of all.
@@ -60,7 +58,7 @@ def find_sweeps(
         A damaged file.
     """
     cutters: dict[int, SweepCutter] = {}
-    found: dict[int, list[tuple[npt.NDArray, npt.NDArray]]] = {}
+    found: dict[int, list[tuple[np.ndarray, np.ndarray]]] = {}
     for packets in find_packets(capture, layout):
         for sender in np.unique(packets.senders).tolist():
             own = packets[packets.senders == sender]
@@ -82,7 +80,7 @@ class SweepCutter:
         self._seconds, self._sense = 0.0, 0
         self._turn = np.array([0.0, 0.0, -np.inf])
 
-    def cut(self, packets: Datagrams) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64]]:
+    def cut(self, packets: Datagrams) -> tuple[Mask, Array]:
         """Return of the sensor's next packets, at least one, which begin a sweep (N,), and their stamps (N,)."""
         turned = self._layout.turned(packets)
         self._sense = self._sense or int(np.sign(usual_turn(turned)))
@@ -99,7 +97,7 @@ class SweepCutter:
         return is_first, seconds
 
 
-def usual_turn(azimuth: npt.NDArray) -> float:
+def usual_turn(azimuth: np.ndarray) -> float:
     """Return how far a sensor turns from one of (N,) directions to the next, in 1/36000 of a turn.
 
     It is less than 0 where it turns back, and 0 where it rests.

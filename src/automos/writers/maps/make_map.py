@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.core.atomic import remove_parts, write_text
 from automos.core.claims import METHODS, claim, remove
@@ -39,7 +38,7 @@ class MadeMap:
 def make_map(
     frames: Frames,
     sequence: Sequence,
-    labels_of: Callable[[int, int], npt.NDArray],
+    labels_of: Callable[[int, int], np.ndarray],
     out: Path,
     kinds: list[str],
     settings: MapSettings,
@@ -96,7 +95,7 @@ def make_map(
 class _Map:
     """A map in the making: what the sensor has left behind is written, and the pictures are drawn."""
 
-    def __init__(self, origins: npt.NDArray, writers: list[Write], settings: MapSettings):
+    def __init__(self, origins: np.ndarray, writers: list[Write], settings: MapSettings):
         """Take the sensor's places (N, 3) in the level frame, and what takes the map's points."""
         self._reach = reach = settings.max_range
         corners = origins[:, :2].min(axis=0) - reach, origins[:, :2].max(axis=0) + reach
@@ -105,7 +104,7 @@ class _Map:
         self._writers, self._has_truth = writers, False
         self._tiles, self._counts = Tiles(settings.voxel, TILE), MapCounts()
 
-    def add(self, frame: Frame, labels: npt.NDArray, truth: npt.NDArray | None) -> None:
+    def add(self, frame: Frame, labels: np.ndarray, truth: np.ndarray | None) -> None:
         """Add one scan; `labels` and `truth` are those of all its points."""
         used = np.flatnonzero(np.einsum("ij,ij->i", frame.points, frame.points) <= self._reach**2)
         points = frame.points_level[used]

@@ -10,9 +10,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from automos.core.scan import Mask
+from automos.core.scan import Ints, Mask
 from automos.core.voxel_map import VoxelMap
 from automos.evaluation.moving import ratio
 
@@ -31,17 +30,17 @@ class Tile:
     marks : (V, K) int64, how many of the points in each voxel bore each of K marks.
     """
 
-    def __init__(self, voxel: float, origin: npt.NDArray, n_marks: int):
+    def __init__(self, voxel: float, origin: np.ndarray, n_marks: int):
         """Take the voxels' edge, the tile's corner (3,) in metres, and how many marks a point may bear."""
         self.voxels = VoxelMap(voxel, origin)
         self._marks = np.zeros((0, n_marks), np.int64)
 
     @property
-    def marks(self) -> npt.NDArray[np.int64]:
+    def marks(self) -> Ints:
         """(V, K), see above."""
         return self._marks[: len(self.voxels)]
 
-    def add(self, points: npt.NDArray, marks: npt.NDArray) -> None:
+    def add(self, points: np.ndarray, marks: np.ndarray) -> None:
         """Add `points` (N, 3), metres, that has `marks` (N, K) bool."""
         ids = self.voxels.add(points)
         if len(self.voxels) > len(self._marks):
@@ -63,7 +62,7 @@ class Tiles:
     def __len__(self) -> int:
         return len(self._tiles)
 
-    def add(self, points: npt.NDArray, marks: npt.NDArray | None = None) -> None:
+    def add(self, points: np.ndarray, marks: np.ndarray | None = None) -> None:
         """Add `points` (N, 3), metres, level frame, and the marks (N, K) bool they bear."""
         if marks is None:
             marks = np.zeros((len(points), 0), bool)
@@ -77,7 +76,7 @@ class Tiles:
             is_here = tile_of == row
             self._tiles[place].add(points[is_here], marks[is_here])
 
-    def leave(self, origin: npt.NDArray, reach: float) -> Iterator[Tile]:
+    def leave(self, origin: np.ndarray, reach: float) -> Iterator[Tile]:
         """Remove and yield the tiles that are completely further than `reach` (metres) from `origin` (2 or 3,)."""
         for place in list(self._tiles):
             low = np.array(place) * self._side
@@ -125,13 +124,13 @@ class MapCounts:
         self.points, self.voxels = np.zeros((2, 2, 2), np.int64)
         self._tiles = Tiles(voxel, tile, n_marks=3)
 
-    def add(self, points: npt.NDArray, is_static: Mask, is_moving: Mask, is_kept: Mask) -> None:
+    def add(self, points: np.ndarray, is_static: Mask, is_moving: Mask, is_kept: Mask) -> None:
         """Count `points` (N, 3), metres, level frame: static or moving by the truth, kept or not in the map."""
         self.points += [_kept_of(is_static, is_kept), _kept_of(is_moving, is_kept)]
         is_known = is_static | is_moving
         self._tiles.add(points[is_known], np.stack([is_static, is_moving, is_kept], axis=1)[is_known])
 
-    def leave(self, origin: npt.NDArray, reach: float) -> None:
+    def leave(self, origin: np.ndarray, reach: float) -> None:
         """Finish the tiles further than `reach` (metres) from `origin`."""
         for tile in self._tiles.leave(origin, reach):
             self._finish(tile)

@@ -10,7 +10,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.core.atomic import atomic_path
 from automos.core.errors import InputError
@@ -25,14 +24,14 @@ _HEIGHTS = (-1.0, 4.0)
 class HeightPicture:
     """Pixels over the whole drive; each keeps the highest point that fell into it."""
 
-    def __init__(self, low: npt.NDArray, high: npt.NDArray, max_pixels: int):
+    def __init__(self, low: np.ndarray, high: np.ndarray, max_pixels: int):
         """Take the corners (2,) of the area, metres, and how many pixels its longer side may have."""
         self._low = np.asarray(low, np.float64)
         extent = np.asarray(high, np.float64) - self._low
         self._pixel = float(max(extent.max() / max_pixels, 0.02))
         self.heights = np.full(tuple(np.ceil(extent[::-1] / self._pixel).astype(int) + 1), -np.inf, np.float32)
 
-    def add(self, points: npt.NDArray) -> None:
+    def add(self, points: np.ndarray) -> None:
         """Draw `points` (N, 3), metres, level frame."""
         columns, rows = np.floor((points[:, :2] - self._low) / self._pixel).astype(np.int64).T
         inside = (rows >= 0) & (columns >= 0) & (rows < self.heights.shape[0]) & (columns < self.heights.shape[1])
@@ -50,7 +49,7 @@ class HeightPicture:
             imsave(file, np.ascontiguousarray(colors[::-1]), format="png")
 
 
-Write = Callable[[npt.NDArray], None]
+Write = Callable[[np.ndarray], None]
 """Takes points (N, 3), metres."""
 
 _KINDS = dict.fromkeys("xyz", np.dtype("<f4"))
@@ -88,7 +87,7 @@ def _open_binary(path: Path, header: Callable[..., bytes]) -> Iterator[Write]:
     with path.open("wb") as file:
         file.write(header(_KINDS, f"{n:012d}"))
 
-        def write(points: npt.NDArray) -> None:
+        def write(points: np.ndarray) -> None:
             nonlocal n
             n += len(points)
             file.write(np.ascontiguousarray(points, "<f4").tobytes())
@@ -103,7 +102,7 @@ def _open_laz(path: Path) -> Iterator[Write]:
     laspy, lazrs = import_extra("laspy", "las"), import_extra("lazrs", "las")
     header = las_header()
 
-    def write(points: npt.NDArray) -> None:
+    def write(points: np.ndarray) -> None:
         if not (np.abs(points) < REACH).all():
             raise InputError(f"the map reaches further than {REACH / 1e3:.0f} km, as LAZ does: choose --kind ply")
         record = laspy.ScaleAwarePointRecord.zeros(len(points), header=header)

@@ -17,7 +17,7 @@ from automos.core.arrays import evenly_spread
 from automos.core.geometry import transform
 from automos.core.label_files import pack
 from automos.core.labels import Label
-from automos.core.scan import Points, Pose
+from automos.core.scan import Array, Ints, Points, Pose
 from automos.results.run_files import RunFiles
 from automos.writers.formats import intensity_of
 
@@ -113,7 +113,7 @@ class ImageSensor:
         """Return the one that holds the rays of both."""
         return ImageSensor(self.height, max(self.fov_up, other.fov_up), min(self.fov_down, other.fov_down))
 
-    def project(self, points: Points) -> tuple[Image, npt.NDArray[np.int64]]:
+    def project(self, points: Points) -> tuple[Image, Ints]:
         """Return (height, WIDTH) ranges in metres, -1 without a return, and the row of `points` (N, 3) in each pixel.
 
         The nearest point of a pixel is shown; rays above or below the image are in its first or last row.
@@ -145,7 +145,7 @@ def measure_sensor(scans: Iterable[Points], n_rows: int) -> ImageSensor:
     return ImageSensor(height, max(int(np.ceil(high)), 0), min(int(np.floor(low)), -1))
 
 
-def image_statistics(scans: Iterable[npt.NDArray[np.float32]], sensor: ImageSensor) -> npt.NDArray[np.float64]:
+def image_statistics(scans: Iterable[npt.NDArray[np.float32]], sensor: ImageSensor) -> Array:
     """Return (2, 5) means and deviations of range, x, y, z, intensity over the pixels of `scans`, (N, 4) each."""
     shown = []
     for scan in scans:

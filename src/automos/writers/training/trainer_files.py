@@ -2,10 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-import numpy.typing as npt
 import yaml
 
+from automos.core.arrays import Array
 from automos.writers.training.scans import WIDTH, ImageSensor
 
 SPLITS = ("train", "valid", "test")
@@ -61,7 +60,7 @@ def _color(number: int) -> list[int]:
     return [255, 0, 0] if number in _MOVABLE or number == 250 else [128, 128, 128] if number > 1 else [0, 0, 0]
 
 
-def sensor_yaml(sensor: ImageSensor, statistics: npt.NDArray[np.float64], max_points: int) -> str:
+def sensor_yaml(sensor: ImageSensor, statistics: Array, max_points: int) -> str:
     """Return the part `dataset` of the architecture that trainers on range images read.
 
     statistics : (2, 5) means and deviations of range, x, y, z, intensity.

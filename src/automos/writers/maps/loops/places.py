@@ -7,7 +7,6 @@ several scans, so that they do not depend on the sensor's beams. A rotation in p
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.core.geometry import Array
 from automos.core.scan import Points
@@ -38,7 +37,7 @@ def describe_place(points: Points, reach: float, rings: int, sectors: int) -> Ar
     return np.where(height > GROUND, height, 0.0).reshape(rings, sectors)
 
 
-def ground_of(z: npt.NDArray) -> float:
+def ground_of(z: np.ndarray) -> float:
     """Return the height of the ground among those of points, `z` (N,), metres: hardly any are below it."""
     return float(np.percentile(z, 5.0))
 
