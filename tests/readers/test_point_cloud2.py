@@ -8,7 +8,7 @@ from bags import cloud, write_bag
 
 from automos.core.errors import InputError
 from automos.readers import open_sequence
-from automos.readers.point_cloud2 import header_frame, header_stamp, read_columns
+from automos.readers.point_cloud2 import read_columns
 from automos.readers.wire import Wire
 
 
@@ -85,8 +85,7 @@ def test_headers_are_read_as_they_lie(is_ros2, big, frame):
     order, name = "big" if big else "little", frame.encode() + (b"\0" if is_ros2 else b"")
     start = bytes([0, 0 if big else 1, 0, 0]) if is_ros2 else bytes(4)
     raw = start + b"".join(value.to_bytes(4, order) for value in (1700000000, 250_000_000, len(name))) + name
-    assert header_stamp(raw, is_ros2) == 1700000000.25
-    assert header_frame(raw, is_ros2) == frame.strip("/")
+    assert Wire(raw, is_ros2).header() == (1700000000.25, frame.strip("/"))
     here = Wire.behind_header(raw + bytes(3) + bytes(4), is_ros2)
     here.align(4)
     assert here.at == len(raw) + (-len(raw) % 4 if is_ros2 else 0)

@@ -58,7 +58,7 @@ def read_labels(path: Path, n_points: int | None = None) -> npt.NDArray[np.uint3
     InputError
         A file that is absent, of another number of points, or with a class that there is not.
     """
-    try:
+    with damage_reported(path, missing="each scan needs a label file of its name"):
         require_regular(path)
         size = path.stat().st_size  # before anything is read: a damaged file system gives files any
         if size % 4:
@@ -69,10 +69,6 @@ def read_labels(path: Path, n_points: int | None = None) -> npt.NDArray[np.uint3
                 "was cut short"
             )
         labels = np.frombuffer(read_bytes(path), np.uint32)
-    except FileNotFoundError:
-        raise InputError(f"{path} is missing; each scan needs a label file of its name") from None
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from None
     if (unknown := find_unknown(labels)) is not None:
         raise InputError(f"{path} has a point of class {unknown}, which SemanticKITTI has not; copy it again")
     return labels

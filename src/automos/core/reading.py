@@ -58,12 +58,14 @@ def damage_reported(
         yield
     except AutomosError:
         raise
-    except OSError as error:
+    except Exception as error:
         if missing and isinstance(error, FileNotFoundError):
             raise InputError(f"{path} is missing; {missing}") from None
-        within = error.filename if str(error.filename).startswith(str(path)) else path
-        raise InputError(f"{within} cannot be read: {error.strerror or error}") from error
-    except kinds as error:
+        if isinstance(error, OSError) and error.errno is not None:  # others' libraries raise such without, of damage
+            within = error.filename if str(error.filename).startswith(str(path)) else path
+            raise InputError(f"{within} cannot be read: {error.strerror}") from error
+        if not isinstance(error, (OSError, kinds)):
+            raise
         why = " ".join(str(error).split())[:200] or type(error).__name__
         raise InputError(f"{path} {what} ({why}); {remedy}") from error
 

@@ -31,8 +31,6 @@ from automos.readers.foreign import SENTENCE
 _START = "import sys; sys.path[:] = sys.argv[1:]; from automos.readers.apart import serve; serve()"
 _PIPE = 1 << 20
 """Bytes that a pipe holds where that can be chosen; a scan has some megabytes."""
-_F_SETPIPE_SZ = 1031
-"""What Linux calls that choice."""
 
 
 def read_apart(module: str, path: Path) -> Columns:
@@ -161,10 +159,10 @@ def _is_working_folder(place: str) -> bool:
 
 
 def _widen(pipe: IO[bytes]) -> None:
-    with suppress(ImportError, OSError):
+    with suppress(ImportError, AttributeError, OSError):
         import fcntl
 
-        fcntl.fcntl(pipe, _F_SETPIPE_SZ, _PIPE)
+        fcntl.fcntl(pipe, fcntl.F_SETPIPE_SZ, _PIPE)
 
 
 # ------------------------------------------------------------------------------------------- in the other process

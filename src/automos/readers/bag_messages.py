@@ -18,7 +18,8 @@ from automos.core.scan import Mask
 from automos.readers import foxglove_cloud, livox_message, point_cloud2
 from automos.readers.columns import Columns
 from automos.readers.packets.messages import TYPES as PACKETS
-from automos.readers.point_cloud2 import cloud_digest, header_frame, header_stamp, read_columns
+from automos.readers.point_cloud2 import cloud_digest, read_columns
+from automos.readers.wire import Wire
 
 LARGEST = 1 << 30
 """Bytes of a message, or of the chunk it is in, at most; the clouds of any sensor have a hundredth of that."""
@@ -70,8 +71,7 @@ def head(raw: bytes, topic: Topic) -> tuple[float, str]:
     """Return the stamp (s) and the frame in the header of a message, of which the beginning suffices."""
     if topic.kind in (foxglove_cloud.OWN, foxglove_cloud.ROS):
         return foxglove_cloud.head(raw, topic.encoding)
-    is_ros2 = topic.encoding == "cdr"
-    return header_stamp(raw, is_ros2), header_frame(raw, is_ros2)
+    return Wire(raw.ljust(16, b"\0"), topic.encoding == "cdr").header()
 
 
 def digest(raw: bytes, topic: Topic) -> int:

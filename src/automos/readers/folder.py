@@ -1,7 +1,6 @@
 """A plain folder of point files, with optional times.txt, poses.txt, calib.txt, mounts.yaml and labels/ beside them."""
 
 import contextlib
-import hashlib
 from functools import cached_property, lru_cache
 from pathlib import Path
 
@@ -19,7 +18,7 @@ from automos.readers.box_truth import boxes_beside, motion_beside
 from automos.readers.codecs import LAYOUTS, is_columns, parse_columns, read_columns
 from automos.readers.column_names import has_time
 from automos.readers.columns import Columns, coordinates, time_column, whole_column
-from automos.readers.formats import Format
+from automos.readers.formats import Format, digest_of_files
 from automos.readers.listed import FileSequence
 from automos.readers.point_times import PointTimes, judge_times, sweep_starts
 from automos.readers.record_layout import find_columns
@@ -164,16 +163,10 @@ class FolderSequence(FileSequence):
 
     def fingerprint(self) -> str:
         """Return a text that changes when a scan's name, size or time of change does, or the stamps."""
-        digest = hashlib.sha256((self.codec if self.columns == LAYOUTS["bin"] else self.codec + self.columns).encode())
-        with damage_reported(self._folder):
-            for path in self.paths:
-                status = path.stat()
-                digest.update(f"{path.name}\0{status.st_size}\0{status.st_mtime_ns}\n".encode())
-        if self.stamps is not None:
-            digest.update(self.stamps.tobytes())
-        if self._mounts is not None:
-            digest.update((self.source / MOUNTS).read_bytes())
-        return f"{super().fingerprint()}:{digest.hexdigest()}"
+        kind = self.codec if self.columns == LAYOUTS["bin"] else self.codec + self.columns
+        stamps = b"" if self.stamps is None else self.stamps.tobytes()
+        mounts = b"" if self._mounts is None else (self.source / MOUNTS).read_bytes()
+        return f"{super().fingerprint()}:{digest_of_files(self.paths, stamps, mounts, kind=kind)}"
 
     # -------------------------------------------------------------------------------------------- files beside
     @cached_property

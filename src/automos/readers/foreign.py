@@ -14,6 +14,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from automos.core.errors import InputError
@@ -52,7 +53,6 @@ class _Call:
 
 _calls: dict[int, _Call] = {}
 _gate = threading.Lock()
-_watcher: list[threading.Thread] = []
 
 
 @contextmanager
@@ -94,19 +94,19 @@ def _size(path: Path) -> int:
 
 
 # ---------------------------------------------------------------------------------------------------------- time
+@cache
 def _watch() -> None:
-    """Have a thread look after the calls of this process."""
-    if not _watcher:
-        _watcher.append(threading.Thread(target=_look, daemon=True, name="automos-foreign"))
-        _watcher[0].start()
+    """Have a thread look after the calls of this process, one for all."""
+    threading.Thread(target=_look, daemon=True, name="automos-foreign").start()
 
 
 def _forget() -> None:
     """Begin anew in a forked process: the threads whose calls and whose lock it inherits are not in it."""
-    global _gate, _holders
-    _gate, _holders = threading.Lock(), 0
+    global _gate
+    _gate = threading.Lock()
     _calls.clear()
-    _watcher.clear()
+    _held.clear()
+    _watch.cache_clear()
 
 
 if hasattr(os, "register_at_fork"):
@@ -134,14 +134,13 @@ def _look() -> None:
 
 
 # -------------------------------------------------------------------------------------------------------- memory
-_limits: list[tuple[int, int]] = []
-_holders = 0
+_held: list[tuple[int, int]] = []
+"""The limits that each found who is in the block: the first those of the process."""
 
 
 @contextmanager
 def _memory() -> Iterator[None]:
     """Keep this process from asking for more memory than the machine has, while anyone is in the block."""
-    global _holders
     try:
         import resource
 
@@ -151,18 +150,15 @@ def _memory() -> Iterator[None]:
         yield
         return
     with _gate:
-        if not _holders:
-            soft, hard = resource.getrlimit(kind)
-            _limits[:] = [(soft, hard)]
-            lower = [limit for limit in (soft, hard, total) if limit != resource.RLIM_INFINITY]
+        _held.append(resource.getrlimit(kind))
+        if len(_held) == 1:
+            lower = [limit for limit in (*_held[0], total) if limit != resource.RLIM_INFINITY]
             with suppress(ValueError, OSError):
-                resource.setrlimit(kind, (min(lower), hard))
-        _holders += 1
+                resource.setrlimit(kind, (min(lower), _held[0][1]))
     try:
         yield
     finally:
-        with _gate:
-            _holders -= 1
-            if not _holders:
-                with suppress(ValueError, OSError):
-                    resource.setrlimit(kind, _limits[0])
+        with _gate, suppress(ValueError, OSError, IndexError):  # what was forked within the block has begun anew
+            before = _held.pop()
+            if not _held:
+                resource.setrlimit(kind, before)

@@ -50,17 +50,17 @@ def recordings_in(folder: Path, is_recording: Callable[[Path], bool]) -> list[Pa
     return sorted(filter(is_recording, folder.iterdir())) if folder.is_dir() else []
 
 
-def digest_of_files(files: Iterable[Path], *more: bytes) -> str:
-    """Return a text that changes when the name, size or time of change of any of `files` does, or `more`.
+def digest_of_files(files: Iterable[Path], *more: bytes, kind: str = "") -> str:
+    """Return a text that changes when the name, size or time of change of any of `files` does, their `kind`, or `more`.
 
     Raises
     ------
     InputError
         One of them is absent.
     """
-    digest = hashlib.sha256()
+    digest = hashlib.sha256(kind.encode())
     for file in files:
-        with damage_reported(file, missing="the recording is not whole"):
+        with damage_reported(file):
             status = file.stat()
         digest.update(os.fsencode(f"{file.name}\0{status.st_size}\0{status.st_mtime_ns}\n"))  # names are any bytes
     digest.update(b"".join(more))

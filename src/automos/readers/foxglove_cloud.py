@@ -35,8 +35,7 @@ def head(raw: bytes, encoding: str) -> tuple[float, str]:
             return seconds_of(time.removesuffix("Z")), frame
         return time.get("sec", 0) + 1e-9 * time.get("nsec", time.get("nanosec", 0)), frame
     if encoding != "protobuf":
-        here = _behind_start(raw, encoding)
-        return here.seconds(), here.text().rstrip(b"\0").decode()
+        return _behind_start(raw, encoding).header()
     message = _whole_fields(raw)
     time = _whole_fields(message.get(_TIME, b""))
     return time.get(1, 0) + 1e-9 * time.get(2, 0), bytes(message.get(_FRAME, b"")).decode(errors="replace")
@@ -120,8 +119,7 @@ def _varint(raw: memoryview, at: int) -> tuple[int, int]:
 def _from_ros(raw: bytes, encoding: str) -> tuple[int, bytes, list[tuple[str, int, int]]]:
     """Take apart ROS's message."""
     here = _behind_start(raw, encoding)
-    here.seconds()
-    here.text()  # the frame
+    here.header()
     here.align(8)
     here.take(7 * 8)  # where the sensor is in it
     step, n_fields = here.number(), here.number()

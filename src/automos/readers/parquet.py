@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from automos.core.errors import AutomosError, InputError
 from automos.core.extras import import_extra
-from automos.core.reading import require_regular
+from automos.core.reading import damage_reported, require_regular
 from automos.readers.foreign import limited
 
 _BATCH = 5
 """Rows decoded at once."""
+_WHOLE = "the recording needs it: download it too"
 
 
 def read_columns(path: Path, columns: Sequence[str]) -> dict[str, np.ndarray]:
@@ -24,7 +24,7 @@ def read_columns(path: Path, columns: Sequence[str]) -> dict[str, np.ndarray]:
     InputError
         The table is absent, damaged, or has no such column.
     """
-    with _reported(path, columns):
+    with arrow_reported(path):
         table = import_extra("pyarrow.parquet", "arrow").read_table(path, columns=list(columns))
         return {name: table[name].to_numpy() for name in columns}
 
@@ -35,7 +35,7 @@ class RowReader:
     def __init__(self, path: Path, columns: Sequence[str]):
         """Open the table at `path` to read `columns` of it; errors are those of `read_columns`."""
         self._path, self._columns = path, list(columns)
-        with _reported(path, columns):
+        with arrow_reported(path):
             self._file = import_extra("pyarrow.parquet", "arrow").ParquetFile(path)
             groups = [self._file.metadata.row_group(k).num_rows for k in range(self._file.num_row_groups)]
         self._starts = np.concatenate([[0], np.cumsum(groups)])
@@ -44,7 +44,7 @@ class RowReader:
         self._first = self._end = 0
 
     def __getitem__(self, row: int) -> dict[str, np.ndarray]:
-        with _reported(self._path, self._columns):
+        with arrow_reported(self._path):
             group = int(np.searchsorted(self._starts, row, side="right")) - 1
             if row < self._first or self._starts[group] > self._end or self._batch is None:
                 groups = list(range(group, len(self._starts) - 1))
@@ -60,25 +60,10 @@ class RowReader:
 
 
 @contextmanager
-def _reported(path: Path, columns: Sequence[str]) -> Iterator[None]:
-    with arrow_reported(path, "the recording needs it: download it too", "of another layout"):
-        try:
-            yield
-        except KeyError as error:
-            raise InputError(f"{path} has no column {error}; it must have: {', '.join(columns)}") from None
-
-
-@contextmanager
-def arrow_reported(path: Path, if_missing: str, or_else: str) -> Iterator[None]:
+def arrow_reported(path: Path, if_missing: str = _WHOLE, or_else: str = "of another layout") -> Iterator[None]:
     """Turn what pyarrow stumbles over, within its time, into one sentence; `or_else` is what a damaged file may be."""
-    arrow = import_extra("pyarrow", "arrow")
-    try:
+    import_extra("pyarrow", "arrow")
+    what = f"is damaged or {or_else}"
+    with damage_reported(path, what, "download it again", if_missing, Exception), limited(path):
         require_regular(path)
-        with limited(path):
-            yield
-    except AutomosError:
-        raise
-    except FileNotFoundError:
-        raise InputError(f"{path} is missing; {if_missing}") from None
-    except (OSError, UnicodeError, arrow.ArrowException, StopIteration, AttributeError) as error:
-        raise InputError(f"{path} is damaged or {or_else} ({error}); download it again") from None
+        yield

@@ -27,17 +27,6 @@ EMPTY = -1
 """The digest of clouds without points, which are not each other's repeats."""
 
 
-def header_stamp(raw: bytes, is_ros2: bool) -> float:
-    """Return the seconds in a message's header, without decoding what follows."""
-    return Wire(raw.ljust(12, b"\0"), is_ros2).seconds()
-
-
-def header_frame(raw: bytes, is_ros2: bool) -> str:
-    """Return the name of the frame in a message's header."""
-    name = Wire(raw.ljust(16, b"\0"), is_ros2, 12).text()
-    return name.rstrip(b"\0").decode("utf-8", "replace").strip("/")
-
-
 def points_counted(raw: bytes, is_ros2: bool) -> int:
     """Return how many points a cloud as it lies in a bag says that it has, 0 if it is cut; its data may hold more."""
     with suppress(struct.error):

@@ -148,10 +148,8 @@ def parse_points(path: Path, text: bytes, n_columns: int, n_skipped: int, n_poin
     """
     if n_points == 0 and not (is_last and text.strip()):
         return np.zeros((0, n_columns))
-    try:
+    with damage_reported(path, "is damaged or cut short, counted from the end of its header"):
         table = parse_table(text, n_skipped, n_points + is_last)
-    except ValueError as error:
-        raise InputError(f"{path} is damaged or cut short: {error} (counted from the end of its header)") from None
     if len(table) > n_points:
         raise InputError(f"{path} holds more points than the {n_points} that its header promises; copy it again")
     if len(table) < n_points:

@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from automos.core.errors import InputError
-from automos.core.geometry import inverse, transform
 from automos.core.pose_files import read_poses
 from automos.core.scan import Array, Mask, Pose, Scan, Sequence
 from automos.readers.bag import Bag, name_of, reported, split_address
 from automos.readers.bag_topics import choose_topic, is_named_world, odometry_frames, poses_in
-from automos.readers.columns import Columns, coordinates, to_scan
+from automos.readers.columns import coordinates, to_scan
 from automos.readers.formats import digest_of_files
 from automos.readers.point_cloud2 import EMPTY
 from automos.readers.point_times import judge_times
@@ -80,12 +79,13 @@ class RosbagSequence(Sequence):
             self.bag.keep(self.topic)
         # of all scans alike: one of few points may not show it
         fullest = int(np.argmax(self._messages.sizes))
-        columns = self._columns(fullest)
+        columns = self._messages.columns(fullest)
         self._point_times = judge_times([columns], self._where(), usual_step(self.stamps))
         self._unit = 1.0
-        with suppress(InputError):  # reported when the scan itself is read
-            self._unit, said = unit_of(coordinates(columns, self._where()))
-            self._warnings += said
+        if self._T_frame_sensor is None:  # poses are in metres
+            with suppress(InputError):  # reported when the scan itself is read
+                self._unit, said = unit_of(coordinates(columns, self._where()))
+                self._warnings += said
         n_counted, n = self._messages.points_counted(fullest), len(next(iter(columns.values()), ()))
         if n_counted is not None and n_counted < n:
             self._warnings.append(
@@ -98,8 +98,9 @@ class RosbagSequence(Sequence):
     def __getitem__(self, index: int) -> Scan:
         index = self._scan_number(index)
         stamp = None if self.stamps is None else float(self.stamps[index])
-        time_unit = self._point_times.unit or 0.0
-        return to_scan(self._columns(index), self._where(index), self.names[index], stamp, time_unit, self._unit)
+        T = None if self._T_frame_sensor is None else self._T_frame_sensor[index]
+        columns, how = self._messages.columns(index), (self._point_times.unit or 0.0, self._unit, T)
+        return to_scan(columns, self._where(index), self.names[index], stamp, *how)
 
     @property
     def about(self) -> dict[str, str]:
@@ -139,13 +140,6 @@ class RosbagSequence(Sequence):
         """Return a text that changes when the bag's files do, or the topic."""
         return f"{super().fingerprint()}:{self.topic.name}:{digest_of_files(self.bag.paths)}"
 
-    def _columns(self, index: int) -> Columns:
-        columns = self._messages.columns(index)
-        if self._T_frame_sensor is None:
-            return columns
-        points = transform(inverse(self._T_frame_sensor[index]), coordinates(columns, self._where(index)))
-        return {**columns, **{axis: points[:, k] for k, axis in enumerate("xyz")}}
-
     # -------------------------------------------------------------------------------------------- time and place
     def _put_in_order(self, stamps: Array) -> tuple[Array | None, list[str]]:
         """Put the messages in the order of their headers' stamps; return these, seconds, and what to say of it."""
@@ -166,7 +160,7 @@ class RosbagSequence(Sequence):
         """Return (len, 4, 4) the sensor's poses in the frame of the clouds, None where that is the sensor's own."""
 
         def points(index: int) -> Array:
-            return coordinates(self._columns(index), self._where(index))
+            return coordinates(self._messages.columns(index), self._where(index))
 
         is_told = is_named_world(self.frame_id) or self.frame_id in odometry_frames(self.bag)
         if not is_told:

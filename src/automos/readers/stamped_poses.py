@@ -216,11 +216,11 @@ def _transform_of(entry: dict[str, Any], name: str, path: Path) -> Pose:
         raise InputError(f"{path}: {name} has {min(unknown)!r}, but a mount has {', '.join(sorted(_KEYS))}")
     if "T_scan_sensor" in entry:
         return checked_mount(entry["T_scan_sensor"], name, path)
-    try:
+    with damage_reported(
+        f"{path}: {name}", "needs a translation of 3 numbers and a rotation of 4, x y z w", "correct it"
+    ):
         place = np.asarray(entry.get("translation", [0.0, 0.0, 0.0]), np.float64).reshape(3)
         xyzw = np.asarray(entry.get("rotation", [0.0, 0.0, 0.0, 1.0]), np.float64).reshape(4)
-    except (TypeError, ValueError):
-        raise InputError(f"{path}: {name} needs a translation of 3 numbers and a rotation of 4, x y z w") from None
     if not abs((length := np.linalg.norm(xyzw)) - 1.0) < 0.01:
         raise InputError(f"{path}: the mount of {name} is not a rigid transform: its quaternion has norm {length:.3g}")
     return checked_mount(make_transform(Rotation.from_quat(xyzw).as_matrix(), place), name, path)

@@ -37,6 +37,10 @@ class Wire:
         """Return the time here, seconds and nanoseconds, and move behind it."""
         return self.number() + 1e-9 * self.number()
 
+    def header(self) -> tuple[float, str]:
+        """Return the time here and the name of a frame behind it, and move behind that."""
+        return self.seconds(), self.text().rstrip(b"\0").decode("utf-8", "replace").strip("/")
+
     def text(self) -> bytes:
         """Return the bytes here, which are counted before them, and move behind them."""
         return self.take(self.number())

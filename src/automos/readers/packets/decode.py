@@ -15,6 +15,7 @@ import yaml
 
 from automos.core.errors import InputError
 from automos.core.extras import import_extra
+from automos.core.reading import damage_reported
 from automos.core.scan import Scan
 from automos.readers.columns import Columns
 from automos.readers.packets.beams import Beams, beams_of
@@ -53,13 +54,9 @@ class VelodyneDecoder:
         clock = VELODYNE.hour + VELODYNE.clock(packets)
         sent = zip(clock.tolist(), packets.payloads.tolist(), strict=True)
         vector = decoder.PacketVector([decoder.VelodynePacket(seconds, payload) for seconds, payload in sent])
-        try:
+        what, remedy = "cannot be decoded as packets of a Velodyne", "convert it with its maker's tools"
+        with damage_reported(self._source, what, remedy):
             rows = decoder.ScanDecoder(self._config).decode(vector, as_pcl_structs=True)[1]
-        except (RuntimeError, ValueError) as error:
-            raise InputError(
-                f"{self._source} cannot be decoded as packets of a Velodyne ({error}); convert it with its maker's "
-                "tools"
-            ) from error
         return {name: rows[name] for name in ("x", "y", "z", "intensity", "time", "ring")}
 
     @cached_property

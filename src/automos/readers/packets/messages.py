@@ -2,12 +2,14 @@
 
 import struct
 from collections.abc import Iterable
+from contextlib import suppress
 
 import numpy as np
 
 from automos.core.arrays import Ints
 from automos.core.errors import InputError
 from automos.readers.packets.pcap import Datagrams
+from automos.readers.records import require_bytes
 from automos.readers.wire import Wire
 
 _SCANS = {
@@ -51,8 +53,8 @@ def read_packets(raw: bytes, kind: str, is_ros2: bool, where: str) -> list[tuple
         Fewer bytes than its packets need, or no packets.
     """
     found: list[tuple[float, bytes]] = []
-    count = 0
-    try:
+    count, needed = 0, len(raw) + 1
+    with suppress(struct.error):
         here = Wire.behind_header(raw, is_ros2)
         if kind == _SINGLE:
             stamp = Wire(raw, is_ros2).seconds()
@@ -64,12 +66,8 @@ def read_packets(raw: bytes, kind: str, is_ros2: bool, where: str) -> list[tuple
             stamp = here.seconds()
             packet = here.take(fixed or here.number())
             found.append((stamp, packet[: here.number()] if has_size else packet))
-        if here.at > len(raw):
-            raise struct.error
-    except struct.error:
-        found = []
-    if not found:
-        raise InputError(f"{where} is cut short: {len(raw)} bytes for {count} packets; record or export it again")
+        needed = here.at if found else needed
+    require_bytes(where, len(raw), needed, f"{count} packets")
     return found
 
 

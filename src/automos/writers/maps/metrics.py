@@ -33,21 +33,14 @@ class Tile:
     def __init__(self, voxel: float, origin: np.ndarray, n_marks: int):
         """Take the voxels' edge, the tile's corner (3,) in metres, and how many marks a point may bear."""
         self.voxels = VoxelMap(voxel, origin)
-        self._marks = np.zeros((0, n_marks), np.int64)
-
-    @property
-    def marks(self) -> Ints:
-        """(V, K), see above."""
-        return self._marks[: len(self.voxels)]
+        self.marks: Ints = np.zeros((0, n_marks), np.int64)
 
     def add(self, points: np.ndarray, marks: np.ndarray) -> None:
         """Add `points` (N, 3), metres, that has `marks` (N, K) bool."""
         ids = self.voxels.add(points)
-        if len(self.voxels) > len(self._marks):
-            more = np.zeros((max(len(self.voxels), 2 * len(self._marks)) - len(self._marks), marks.shape[1]), np.int64)
-            self._marks = np.concatenate([self._marks, more])
-        for k in range(marks.shape[1]):
-            self._marks[:, k] += np.bincount(ids, marks[:, k], len(self._marks)).astype(np.int64)
+        self.marks = np.pad(self.marks, ((0, len(self.voxels) - len(self.marks)), (0, 0)))
+        for k, mark in enumerate(marks.T):
+            self.marks[:, k] += np.bincount(ids, mark, len(self.marks)).astype(np.int64)
 
 
 class Tiles:

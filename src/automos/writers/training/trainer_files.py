@@ -8,20 +8,17 @@ from automos.core.arrays import Array
 from automos.writers.training.scans import WIDTH, ImageSensor
 
 SPLITS = ("train", "valid", "test")
-_MOVABLE = {
-    10: "car", 11: "bicycle", 13: "bus", 15: "motorcycle", 18: "truck", 20: "other-vehicle", 30: "person",
-    31: "bicyclist", 32: "motorcyclist",
+_NAMES = {
+    0: "unlabeled", 1: "outlier", 8: "unmovable", 9: "static", 10: "car", 11: "bicycle", 13: "bus", 15: "motorcycle",
+    16: "on-rails", 18: "truck", 20: "other-vehicle", 30: "person", 31: "bicyclist", 32: "motorcyclist", 40: "road",
+    44: "parking", 48: "sidewalk", 49: "other-ground", 50: "building", 51: "fence", 52: "other-structure",
+    60: "lane-marking", 70: "vegetation", 71: "trunk", 72: "terrain", 80: "pole", 81: "traffic-sign",
+    99: "other-object", 250: "movable", 251: "moving", 252: "moving-car", 253: "moving-bicyclist",
+    254: "moving-person", 255: "moving-motorcyclist", 256: "moving-on-rails", 257: "moving-bus", 258: "moving-truck",
+    259: "moving-other-vehicle",
 }  # fmt: skip
-_FIXED = {
-    9: "static", 16: "on-rails", 40: "road", 44: "parking", 48: "sidewalk", 49: "other-ground", 50: "building",
-    51: "fence", 52: "other-structure", 60: "lane-marking", 70: "vegetation", 71: "trunk", 72: "terrain", 80: "pole",
-    81: "traffic-sign", 99: "other-object",
-}  # fmt: skip
-_MOVING = {
-    251: "moving", 252: "moving-car", 253: "moving-bicyclist", 254: "moving-person", 255: "moving-motorcyclist",
-    256: "moving-on-rails", 257: "moving-bus", 258: "moving-truck", 259: "moving-other-vehicle",
-}  # fmt: skip
-_UNKNOWN = {0: "unlabeled", 1: "outlier"}
+_COLORS = ([0, 0, 0], [128, 128, 128], [255, 0, 0], [0, 0, 255])
+"""Blue, green, red of what is unknown, could not move, could move, and moves."""
 Split = Mapping[str, Sequence[int]]
 """Numbers of sequences, by the names in `SPLITS`."""
 
@@ -31,16 +28,17 @@ def classes_yaml(shares: Mapping[int, float], split: Split) -> str:
 
     shares : share of all points that has each number.
     """
-    names = {**_UNKNOWN, **_FIXED, **_MOVABLE, **_MOVING}
-    moving = {number: 2 if number in _MOVING else int(number not in _UNKNOWN) for number in sorted(names)}
-    movable = {number: 2 if number in _MOVABLE else kind for number, kind in moving.items()}
+    kinds = {number: _kind(number) for number in _NAMES}
+    classes = {number: kind for number, kind in kinds.items() if number not in (8, 250)}
+    moving = {number: (0, 1, 1, 2)[kind] for number, kind in classes.items()}
+    movable = {number: (0, 1, 2, 2)[kind] for number, kind in classes.items()}
     inverse = {0: 0, 1: 9, 2: 251}
     return _yaml(
         {
             "name": "kitti",  # by which they choose the parser
-            "labels": dict(sorted({**names, 8: "unmovable", 250: "movable"}.items())),
-            "color_map": {number: _color(number) for number in sorted({*names, 8, 250})},
-            "content": {number: float(shares.get(number, 0.0)) for number in sorted(names)},
+            "labels": _NAMES,
+            "color_map": {number: list(_COLORS[kind]) for number, kind in kinds.items()},
+            "content": {number: float(shares.get(number, 0.0)) for number in classes},
             "learning_map": moving,
             "learning_map_inv": inverse,
             "moving_learning_map": moving,
@@ -53,11 +51,11 @@ def classes_yaml(shares: Mapping[int, float], split: Split) -> str:
     )
 
 
-def _color(number: int) -> list[int]:
-    """Return blue, green, red: what moves is red, what could move blue, all else grey."""
-    if number in _MOVING:
-        return [0, 0, 255]
-    return [255, 0, 0] if number in _MOVABLE or number == 250 else [128, 128, 128] if number > 1 else [0, 0, 0]
+def _kind(number: int) -> int:
+    """Return which of the kinds in `_COLORS` a class is of."""
+    if number == 250 or (10 <= number <= 32 and number != 16):
+        return 2
+    return 3 if number > 250 else int(number > 1)
 
 
 def sensor_yaml(sensor: ImageSensor, statistics: Array, max_points: int) -> str:
