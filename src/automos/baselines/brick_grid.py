@@ -73,23 +73,22 @@ class BrickGrid:
 
         indices : (V, 3) int32 of all voxels (`indices`).
         """
-        out = np.full(self.n_voxels, FAR)
-        _squared_steps(indices[ids], reach, self._table, self._cells, out)
-        return out
+        return _squared_steps(indices[ids], reach, self._table, self._cells, np.full(self.n_voxels, FAR))
 
     def neighbours(self, ids: npt.NDArray[np.integer], indices: npt.NDArray[np.int32], reach: int) -> npt.NDArray:
         """Return (K, (2 reach + 1)^3) int32: the voxels around each of `ids` (K,), -1 if there is none.
 
         indices : (V, 3) int32 of all voxels (`indices`).
         """
-        out = np.empty((len(ids), (2 * reach + 1) ** 3), np.int32)
-        _neighbours(ids, indices, reach, self._table, self._cells, out)
-        return out
+        return _neighbours(ids, indices, reach, self._table, self._cells)
 
     def indices(self) -> npt.NDArray[np.int32]:
         """Return (V, 3) int32: where each voxel lies in the grid."""
-        indices = np.empty((self.n_voxels, 3), np.int32)
-        _indices(self._table, self._cells, indices)
+        indices, corners = np.empty((self.n_voxels, 3), np.int32), np.empty((self._n_bricks, 3), np.int32)
+        places = np.argwhere(self._table >= 0)
+        corners[self._table[tuple(places.T)]] = places << _SIDE_BITS
+        brick, cell = np.nonzero(self._cells[: self._n_bricks] >= 0)
+        indices[self._cells[brick, cell]] = corners[brick] + np.stack(np.unravel_index(cell, (_SIDE,) * 3), axis=-1)
         return indices
 
 
@@ -176,23 +175,8 @@ def _pass_rays(origin, ends, low, per_metre, table, cells, stamp, passed):  # ty
 
 
 @kernel
-def _indices(table, cells, out):  # type: ignore[no-untyped-def]
-    for bx in range(table.shape[0]):
-        for by in range(table.shape[1]):
-            for bz in range(table.shape[2]):
-                brick = table[bx, by, bz]
-                if brick < 0:
-                    continue
-                for c in range(_CELLS):
-                    v = cells[brick, c]
-                    if v >= 0:
-                        out[v, 0] = (bx << _SIDE_BITS) + (c >> (2 * _SIDE_BITS))
-                        out[v, 1] = (by << _SIDE_BITS) + ((c >> _SIDE_BITS) & (_SIDE - 1))
-                        out[v, 2] = (bz << _SIDE_BITS) + (c & (_SIDE - 1))
-
-
-@kernel
-def _neighbours(ids, indices, reach, table, cells, out):  # type: ignore[no-untyped-def]
+def _neighbours(ids, indices, reach, table, cells):  # type: ignore[no-untyped-def]
+    out = np.empty((len(ids), (2 * reach + 1) ** 3), np.int32)
     for i in range(len(ids)):
         n = 0
         for x in range(indices[ids[i], 0] - reach, indices[ids[i], 0] + reach + 1):
@@ -200,6 +184,7 @@ def _neighbours(ids, indices, reach, table, cells, out):  # type: ignore[no-unty
                 for z in range(indices[ids[i], 2] - reach, indices[ids[i], 2] + reach + 1):
                     out[i, n] = _voxel_at(x, y, z, table, cells)
                     n += 1
+    return out
 
 
 @kernel
@@ -225,6 +210,7 @@ def _squared_steps(centres, reach, table, cells, out):  # type: ignore[no-untype
                         v = _voxel_at(centres[i, 0] + dx, centres[i, 1] + dy, centres[i, 2] + dz, table, cells)
                         if v >= 0:
                             out[v] = min(out[v], square)
+    return out
 
 
 @kernel(inline="always")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from automos.cli.options import Calib, Format, Poses, Recording, Workers, chosen_settings, console, output
+from automos.cli.options import Calib, Format, Poses, Recording, Workers, chosen_settings, console, named, output
 from automos.core.atomic import held
 from automos.core.errors import InputError
 
@@ -66,7 +66,9 @@ def compare(
         raise InputError(f"--radius {radius:g} is not possible: give 1 to {MAX_RANGE:g} metres around the sensor")
     chosen = choose_methods(methods)
     file = None if poses in ("own", "shared") else Path(poses)
-    more = {"repeats": repeat, "predictions": _named_folders(predictions or []), "workers": workers}
+    usage = "give a name and a folder of .label files, as 4DMOS=results/4dmos/08"
+    others = {name: Path(folder) for name, folder in named(predictions, "--predictions", usage).items()}
+    more = {"repeats": repeat, "predictions": others, "workers": workers}
     sequence = open_sequence(recording, format)
     folder = out or Path("automos_compare") / sequence.name
     with _runs(sequence, folder, (file, calib), set_, shared=poses == "shared", **more) as runs:
@@ -160,21 +162,6 @@ def _runs(
     poses, chosen = given_poses(sequence, *files), read_overrides(set_)
     with held(folder):
         yield MethodRuns(sequence, folder, chosen, poses, progress=_say_when_started(), **more)
-
-
-def _named_folders(given: list[str]) -> dict[str, Path]:
-    """Return the folders of `given`, each NAME=FOLDER, by name."""
-    folders: dict[str, Path] = {}
-    for text in given:
-        name, _, folder = text.partition("=")
-        if not name or not folder:
-            raise InputError(
-                f"--predictions {text}: give a name and a folder of .label files, as 4DMOS=results/4dmos/08"
-            )
-        if name in folders:
-            raise InputError(f"--predictions: two folders are called '{name}'; give each a name of its own")
-        folders[name] = Path(folder)
-    return folders
 
 
 def _say_when_started() -> Progress:

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 from rich.table import Column, Table
 
-from automos.cli.options import Format, Moved, Results, output, progress_of
+from automos.cli.options import Format, Moved, Results, named, output, progress_of
 from automos.core.errors import InputError
 
 formats_app = typer.Typer()
@@ -131,7 +131,8 @@ def dataset(
     places: list[Path | None] = [*recordings] if recordings else [None] * len(results)
     if len(places) != len(results):
         raise InputError(f"{len(places)} --recordings for {len(results)} results folders: give one for each")
-    extras, splits = Extras(_numbers(residuals), boxes), _splits(split or [])
+    extras = Extras(_numbers(residuals), boxes)
+    splits = named(split, "--split", "write SPLIT=NAME, as in valid=drive_7", key=1)
     with progress_of("dataset") as progress:
         pairs = zip(results, places, strict=True)
         runs = [open_run(folder, place, format, progress, deskewed=True) for folder, place in pairs]
@@ -170,17 +171,6 @@ def clean(
         written, points, left_out = clean_recording(run, out, as_, choice)
     share = 100.0 * left_out / max(points, 1)
     output.print(f"{written}: {left_out:,} of {points:,} points left out ({share:.2f} %)", markup=False)
-
-
-def _splits(given: list[str]) -> dict[str, str]:
-    """Return the split of each recording that is named, of texts SPLIT=NAME."""
-    found: dict[str, str] = {}
-    for text in given:
-        split, equals, name = text.partition("=")
-        if not equals or name in found:
-            raise InputError(f"--split {text}: write SPLIT=NAME, each recording once, as in valid=drive_7")
-        found[name] = split
-    return found
 
 
 def _numbers(text: str) -> tuple[int, ...]:

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from automos.cli.options import Format, Recording, SettingsFile, chosen_settings, console, output, progress_of
+from automos.cli.options import Format, Recording, SettingsFile, chosen_settings, console, named, output, progress_of
 from automos.core.errors import InputError
 
 network_app = typer.Typer()
@@ -189,8 +189,8 @@ def reproduce(
         if experiment == "network":
             rows = many_sensors(work, home)
         elif experiment == "table2":
-            named = dict(_named(text) for text in predictions or [])
-            rows = table_two(work, home, named)
+            others = named(predictions, "--predictions", "write --predictions NAME=FOLDER")
+            rows = table_two(work, home, {name: Path(folder) for name, folder in others.items()})
         else:
             away = _data(away_train, away_validation, away_test, None) or work.simulated(DOMAINS["A"])
             rows, curves = table_three(work, home, away)
@@ -207,10 +207,3 @@ def _data(train: Any, validation: Any, test: Any, extra: Any) -> Any:
     if not (train and validation and test):
         raise InputError("recordings of your own need all of --train, --validation and --test (or the --away- ones)")
     return Data(tuple(train), tuple(validation), tuple(test), tuple(extra or ()))
-
-
-def _named(text: str) -> tuple[str, Path]:
-    name, sign, folder = text.partition("=")
-    if not sign:
-        raise InputError(f"--predictions {text} has no name: write --predictions NAME=FOLDER")
-    return name, Path(folder)

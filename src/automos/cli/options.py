@@ -108,6 +108,17 @@ def progress_of(title: str, counted: str = "scans") -> StageProgress:
     return StageProgress(console, title, counted)
 
 
+def named(given: list[str] | None, option: str, usage: str, key: int = 0) -> dict[str, str]:
+    """Return texts like NAME=VALUE as a dictionary; `key` says which half is one thing's alone: 0, or 1 the second."""
+    found: dict[str, str] = {}
+    for text in given or []:
+        halves = text.split("=", 1)
+        if len(halves) < 2 or not all(halves) or halves[key] in found:
+            raise InputError(f"{option} {text}: {usage}, each {('name', 'recording')[key]} once")
+        found[halves[key]] = halves[1 - key]
+    return found
+
+
 def _require_finite(lag: float) -> float:
     if not 0.0 <= lag < float("inf"):
         raise InputError(f"--lag is {lag:g}: give 0 or some seconds")

@@ -9,18 +9,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
 
 from automos.core.column_data import ColumnData
 from automos.core.geometry import Array
 from automos.core.upright_boxes import Boxes, iou_3d
 from automos.evaluation.objects import SIZES
 from automos.evaluation.overlaps import NO_TRACK, STANDS, Ints, Overlaps
-
-if TYPE_CHECKING:
-    from rich.table import Table
 
 FEWEST = 30
 """Points in a scan from which a mover's box counts."""
@@ -141,9 +140,6 @@ def true_velocity(stamps: Array, centers: Array) -> Array:
 
 def objects_table(objects: dict[str, Any], boxes: BoxErrors | None = None) -> Table:
     """Return `scores_of_objects`, and the errors of boxes where the truth has any, as a table of two columns."""
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
     title = "One mover, one object; of boxes: median / worst tenth / mean over movers"
     table = Table("", title=title, box=SIMPLE_HEAD, padding=0, show_edge=False, show_header=False)
     table.add_column(no_wrap=True)

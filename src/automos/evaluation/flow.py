@@ -11,15 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from rich.table import Table
 
 from automos.core.scan import Sequence
-
-if TYPE_CHECKING:
-    from rich.table import Table
 
 CLOSE = 35.0
 """Metres from the sensor, along x and y, up to which points count."""
@@ -70,8 +68,6 @@ class FlowCounts:
 
     def table(self) -> Table:
         """Return the scores as a table."""
-        from rich.table import Table
-
         epe = self.epe
         table = Table(title="Scene flow: end-point error of each point's own motion")
         for heading in ("moving m", "standing m", "background m", "three-way m", "normalised"):

@@ -62,6 +62,11 @@ class Scores:
         """TD / (TD + FS), in [0, 1]."""
         return ratio(self.true_dynamic, self.true_dynamic + self.false_static)
 
+    @property
+    def ratios(self) -> dict[str, float]:
+        """The three ratios by name."""
+        return {"iou": self.iou, "precision": self.precision, "recall": self.recall}
+
 
 @dataclass(frozen=True, eq=False)
 class Counts:
@@ -146,6 +151,17 @@ def _score(matrix: npt.NDArray[np.int64]) -> Scores:
         n_points=int(matrix[[STATIC, MOVING]].sum()),
         n_unlabeled=int(matrix[[STATIC, MOVING], UNLABELED].sum()),
     )
+
+
+def ranges_of(points: npt.NDArray) -> npt.NDArray:
+    """Return (N,) metres from the sensor to each of `points` (N, 3); not finite where a coordinate is not."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.linalg.norm(points, axis=1)
+
+
+def percent(share: float) -> str:
+    """Return a share as tables show it, in percent; "-" where there is none."""
+    return "-" if np.isnan(share) else f"{100 * share:.1f}"
 
 
 def ratio(part: float, whole: float) -> float:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import logging
-import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
 
 from automos.core.arguments import require_own_names
 from automos.core.errors import InputError
@@ -18,13 +19,10 @@ from automos.core.json_members import without_nan
 from automos.core.label_files import read_labels
 from automos.core.run import Progress, silent
 from automos.core.scan import Sequence
-from automos.evaluation.moving import Counts, Scores, count
+from automos.evaluation.moving import Counts, Scores, count, percent, ranges_of
 from automos.evaluation.objects import FOUND, OUTCOMES, Movers, movers_of, scores_of_objects
 from automos.evaluation.overlaps import NO_TRACK, Overlaps, count_overlaps, pooled
 from automos.evaluation.predictions import StoredStages, find_predictions, says_what_moves_now
-
-if TYPE_CHECKING:
-    from rich.table import Table
 
 logger = logging.getLogger(__name__)
 
@@ -84,9 +82,6 @@ class Report:
 
     def table(self) -> Table:
         """Return the scores as a table: all points, by range, by recording; ratios in percent."""
-        from rich.box import SIMPLE_HEAD
-        from rich.table import Table
-
         table = Table(
             title="Moving points, counted as SemanticKITTI does, in %; called moving rightly, wrongly, and missed",
             box=SIMPLE_HEAD,
@@ -171,9 +166,7 @@ def evaluate_folder(folder: str | Path, sequence: Sequence, progress: Progress =
         truth = sequence.truth(i)
         if truth is not None:
             prediction = read_labels(folder / f"{name}.label", len(truth))
-            with np.errstate(invalid="ignore", over="ignore"):
-                ranges = np.linalg.norm(sequence[i].points, axis=1)
-            counts += count(prediction, truth, ranges)
+            counts += count(prediction, truth, ranges_of(sequence[i].points))
             overlaps.append(count_overlaps(i, prediction, truth, stored.tracks(name, prediction)))
         progress(f"evaluating {sequence.name}", i + 1, len(sequence))
     return Result(counts, Overlaps.concatenate(overlaps))
@@ -193,8 +186,7 @@ def _counts_dict(counts: Counts) -> dict[str, Any]:
 
 
 def _scores_dict(scores: Scores) -> dict[str, float | int | None]:
-    ratios = {name: without_nan(getattr(scores, name)) for name in ("iou", "precision", "recall")}
-    return {**ratios, **asdict(scores)}
+    return without_nan(scores.ratios | asdict(scores))
 
 
 def _objects(recordings: list[Overlaps]) -> dict[str, Any] | None:
@@ -212,11 +204,8 @@ def _movers_dict(movers: Movers) -> list[dict[str, Any]]:
 
 
 def _cells(scores: Scores) -> list[str]:
-    ratios = (
-        "-" if math.isnan(value) else f"{100 * value:.1f}" for value in (scores.iou, scores.precision, scores.recall)
-    )
     points = (f"{value:,}" for value in (scores.true_dynamic, scores.false_dynamic, scores.false_static))
-    return [*ratios, *points]
+    return [*map(percent, scores.ratios.values()), *points]
 
 
 def _found(results: Iterable[Result]) -> str:

@@ -50,12 +50,10 @@ def residual_images(
         From each cloud's frame to the present one.
     """
     out = np.zeros((len(past), grid.height, grid.width), np.float32)
-    before = np.empty((grid.height, grid.width), np.float32)
     for k, points in enumerate(past):
         if points is not None:
-            T = np.asarray(T_now_past[k], np.float32)
-            flat = before.reshape(-1)
-            _reproject(np.ascontiguousarray(points), T, grid.row_of_sine, grid.height, grid.width, MAX_RANGE, flat)
+            T, rows = np.asarray(T_now_past[k], np.float32), grid.row_of_sine
+            before = _reproject(np.ascontiguousarray(points), T, rows, grid.height, grid.width, MAX_RANGE)
             _residual(range_now, before, np.float32(MIN_RANGE), np.float32(MAX_RANGE), out[k])
     return out
 
@@ -82,16 +80,17 @@ def pick_past(ages: npt.NDArray[np.float64], n: int, spacing: float = SPACING) -
 
 
 @kernel
-def _reproject(points, T, row_of_sine, height, width, farthest, before):  # type: ignore[no-untyped-def]
-    before[:] = np.inf
+def _reproject(points, T, row_of_sine, height, width, farthest):  # type: ignore[no-untyped-def]
+    before = np.full((height, width), np.float32(np.inf))
     for i in range(len(points)):
         x, y, z = moved(T, points[i, 0], points[i, 1], points[i, 2])
         r = np.sqrt(x * x + y * y + z * z)
         if np.float32(1e-3) < r < farthest:  # never true of NaN
             row = row_of(z / r, row_of_sine)
             if 0 <= row < height:  # what lies beyond the beams of now was not measured now
-                p = row * width + column_of(x, y, width)
-                before[p] = min(before[p], r)
+                column = column_of(x, y, width)
+                before[row, column] = min(before[row, column], r)
+    return before
 
 
 @kernel

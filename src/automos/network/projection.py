@@ -62,17 +62,20 @@ def project(points: Points, grid: ImageGrid) -> tuple[npt.NDArray[np.int32], npt
 
     Points that are not finite or nearer than MIN_RANGE have pixel -1 and range 0.
     """
-    pixels, ranges = np.empty(len(points), np.int32), np.empty(len(points), np.float32)
-    _project(np.ascontiguousarray(points), grid.row_of_sine, grid.height, grid.width, pixels, ranges)
-    return pixels, ranges
+    return _project(np.ascontiguousarray(points), grid.row_of_sine, grid.height, grid.width)
 
 
-def nearest_points(
-    pixels: npt.NDArray[np.int32], ranges: npt.NDArray[np.float32], n_pixels: int
-) -> npt.NDArray[np.int32]:
-    """Return (n_pixels,) int32: the nearest point of each pixel (the first of equals), -1 if there is none."""
+@kernel
+def nearest_points(pixels, ranges, n_pixels):  # type: ignore[no-untyped-def]
+    """Return (n_pixels,) int32: the nearest point of each pixel (the first of equals), -1 if there is none.
+
+    pixels, ranges : (N,) int32 and float32, of the points.
+    """
     index = np.full(n_pixels, -1, np.int32)
-    _nearest(pixels, ranges, index)
+    for i in range(len(pixels)):
+        p = pixels[i]
+        if p >= 0 and (index[p] < 0 or ranges[i] < ranges[index[p]]):
+            index[p] = i
     return index
 
 
@@ -90,7 +93,8 @@ def column_of(x, y, width):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _project(points, row_of_sine, height, width, pixels, ranges):  # type: ignore[no-untyped-def]
+def _project(points, row_of_sine, height, width):  # type: ignore[no-untyped-def]
+    pixels, ranges = np.empty(len(points), np.int32), np.empty(len(points), np.float32)
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         r = np.sqrt(x * x + y * y + z * z)
@@ -100,11 +104,4 @@ def _project(points, row_of_sine, height, width, pixels, ranges):  # type: ignor
             ranges[i] = r
         else:
             pixels[i], ranges[i] = -1, 0.0
-
-
-@kernel
-def _nearest(pixels, ranges, index):  # type: ignore[no-untyped-def]
-    for i in range(len(pixels)):
-        p = pixels[i]
-        if p >= 0 and (index[p] < 0 or ranges[i] < ranges[index[p]]):
-            index[p] = i
+    return pixels, ranges

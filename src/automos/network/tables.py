@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from automos.core.atomic import write_json
-from automos.evaluation.moving import Counts
+from automos.evaluation.moving import Counts, percent
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,10 +42,10 @@ def write_table(rows: list[Row], path: Path) -> str:
     lines = ["| method | IoU | precision | recall | training, h |", "|---|---:|---:|---:|---:|"]
     content = []
     for row in rows:
-        s = row.counts.scores
-        ratios = [f"{100 * value:.1f}" if np.isfinite(value) else "-" for value in (s.iou, s.precision, s.recall)]
-        lines.append(f"| {row.method} | {' | '.join(ratios)} | {f'{row.hours:.2f}' if row.hours else ''} |")
-        content.append({"method": row.method, "iou": s.iou, "precision": s.precision, "recall": s.recall})
+        ratios = row.counts.scores.ratios
+        cells = map(percent, ratios.values())
+        lines.append(f"| {row.method} | {' | '.join(cells)} | {f'{row.hours:.2f}' if row.hours else ''} |")
+        content.append({"method": row.method, **ratios})
     write_json(path, content, indent=1)
     return "\n".join(lines)
 

@@ -11,7 +11,7 @@ from automos.core.label_files import to_mos
 from automos.core.labels import Label
 from automos.core.reading import damage_reported, is_there, read_text
 from automos.core.workspace import Workspace
-from automos.evaluation.moving import Counts, Scores, count
+from automos.evaluation.moving import Counts, Scores, count, ranges_of
 from automos.evaluation.objects import FOUND, movers_of
 from automos.evaluation.overlaps import Overlaps, count_overlaps
 from automos.results.run_files import RunFiles
@@ -172,9 +172,7 @@ class _Truth:
         truth = self._sequence.truth(index)
         if truth is None:
             return verdicts(labels, None)
-        with np.errstate(invalid="ignore", over="ignore"):
-            ranges = np.linalg.norm(points, axis=1)
-        counted = count(labels, truth, ranges)
+        counted = count(labels, truth, ranges_of(points))
         scores = counted.scores
         self._per_scan[index] = scores.true_dynamic, scores.false_dynamic, scores.false_static
         self._counts += counted
@@ -197,6 +195,5 @@ class _Truth:
 
 
 def _scores(scores: Scores) -> dict[str, float | int | None]:
-    ratios = {"iou": scores.iou, "precision": scores.precision, "recall": scores.recall}
-    found = {name: round(value, 5) if np.isfinite(value) else None for name, value in ratios.items()}
+    found = {name: round(value, 5) if np.isfinite(value) else None for name, value in scores.ratios.items()}
     return {**found, "td": scores.true_dynamic, "fd": scores.false_dynamic, "fs": scores.false_static}

@@ -9,10 +9,11 @@ import statistics
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import numpy as np
-import numpy.typing as npt
+from rich.box import SIMPLE_HEAD
+from rich.table import Column, Table
+from rich.text import Text
 
 from automos.baselines.comparison.agreement import Agreement, measure_agreement
 from automos.baselines.comparison.cost import Cost
@@ -22,10 +23,8 @@ from automos.baselines.methods import TITLES, choose_methods
 from automos.core.atomic import write_text
 from automos.core.errors import InputError, MissingExtraError
 from automos.core.json_members import without_nan
-from automos.evaluation.moving import Counts, Scores, count
-
-if TYPE_CHECKING:
-    from rich.table import Table
+from automos.core.scan import Mask
+from automos.evaluation.moving import Counts, Scores, count, percent, ranges_of
 
 _log = logging.getLogger(__name__)
 
@@ -71,7 +70,7 @@ class Comparison:
             scores = self.scores.get(name)
             methods[name] = {
                 "title": self.titles[name],
-                **({key: getattr(scores, key) for key in _RATIOS} | asdict(scores) if scores else {}),
+                **(scores.ratios | asdict(scores) if scores else {}),
                 "needs_future": self.needs_future[name],
                 **({} if cost is None else _plain_cost(cost)),
             }
@@ -80,10 +79,6 @@ class Comparison:
 
     def tables(self) -> list[Table]:
         """Return Table I, and how far the methods agree."""
-        from rich.box import SIMPLE_HEAD
-        from rich.table import Column, Table
-        from rich.text import Text
-
         notes = [f"{TITLES[name]}: {reason}" for name, reason in self.missing.items()]
         if not all(cost is None or cost.was_alone for cost in self.costs.values()):
             notes.append("< : other programs kept the machine busy meanwhile; seconds are upper bounds")
@@ -98,7 +93,7 @@ class Comparison:
         )
         for name, cost in self.costs.items():
             scores = self.scores.get(name)
-            ratios = [_percent(getattr(scores, key)) if scores else "" for key in _RATIOS]
+            ratios = map(percent, scores.ratios.values()) if scores else [""] * 3
             future = {True: "needed", False: "no", None: ""}[self.needs_future[name]]
             table.add_row(self.titles[name], *ratios, *_cost_cells(cost), future)
         names = [self.titles[name] for name in self.agreement.methods]
@@ -108,9 +103,6 @@ class Comparison:
             cells = ("" if i == k or math.isnan(iou) else f"{100 * iou:.0f}" for i, iou in enumerate(row))
             matrix.add_row(f"{k + 1} {name}", *cells)
         return [table, matrix]
-
-
-_RATIOS = ("iou", "precision", "recall")
 
 
 def compare(runs: MethodRuns, methods: Iterable[str] | None = None) -> Comparison:
@@ -170,14 +162,13 @@ def require_scan(runs: MethodRuns, scan: int | None) -> None:
         raise InputError(f"there is no scan {scan}: {runs.sequence.name} has 0 to {len(runs.sequence) - 1}")
 
 
-def _masks(runs: MethodRuns, counts: dict[str, Counts]) -> Iterator[list[npt.NDArray[np.bool_]]]:
+def _masks(runs: MethodRuns, counts: dict[str, Counts]) -> Iterator[list[Mask]]:
     """Yield the points that each method labels moving in each scan; also add scores to `counts`."""
     for i in range(len(runs.sequence)):
         scan, truth = runs.sequence[i], runs.sequence.truth(i)
         said = {method: runs.labels(method, i, len(scan)) for method in counts}
         if truth is not None:
-            with np.errstate(invalid="ignore", over="ignore"):
-                ranges = np.linalg.norm(scan.points, axis=1)
+            ranges = ranges_of(scan.points)
             for method, labels in said.items():
                 counts[method] += count(labels, truth, ranges)
         yield [is_moving(labels) for labels in said.values()]
@@ -211,7 +202,3 @@ def _plain_cost(cost: Cost) -> dict[str, Any]:
         "peak_mb": cost.peak_memory / 1e6,
         "cores_of_others": max(cost.others),
     }
-
-
-def _percent(value: float) -> str:
-    return "-" if math.isnan(value) else f"{100 * value:.1f}"
