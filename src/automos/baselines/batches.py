@@ -4,15 +4,13 @@ Batches keep the memory of map-based methods from growing with the drive. A batc
 sees some before and after them: something that stands at the end of the own frames is still seen to leave.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from automos.baselines.brick_grid import BrickGrid
+from automos.baselines.brick_grid import BrickGrid, Ids
 from automos.core.scan import Frame, Frames, Mask, Pose
 from automos.core.voxel_map import VoxelMap
 
@@ -90,21 +88,19 @@ def is_within(frame: Frame, max_range: float, min_range: float = 0.0) -> Mask:
     return (squared <= max_range**2) & (squared >= min_range**2)
 
 
-def add_points(
-    voxels: BrickGrid | VoxelMap, frame: Frame, max_range: float, min_range: float = 0.0
-) -> npt.NDArray[np.int32]:
+def add_points(voxels: BrickGrid | VoxelMap, frame: Frame, max_range: float, min_range: float = 0.0) -> Ids:
     """Add the points of `frame` between the ranges, metres; return (M,) int32, the voxel of each, -1 for others."""
     return add_used(voxels, frame, is_within(frame, max_range, min_range))
 
 
-def add_used(voxels: BrickGrid | VoxelMap, frame: Frame, used: Mask) -> npt.NDArray[np.int32]:
+def add_used(voxels: BrickGrid | VoxelMap, frame: Frame, used: Mask) -> Ids:
     """Add the points of `frame` that are `used` (M,); return (M,) int32, the voxel of each, -1 for others."""
     ids = np.full(len(used), -1, np.int32)
     ids[used] = voxels.add(frame.points_level[used])
     return ids
 
 
-def labels_of_voxels(ids: npt.NDArray[np.int32], is_moving: Mask) -> Mask:
+def labels_of_voxels(ids: Ids, is_moving: Mask) -> Mask:
     """Return (M,) bool: the points whose own voxel is moving. This is how every map here becomes labels of scans.
 
     ids : (M,) voxel of each point, -1 for none (never moving).   is_moving : (V,) bool.
@@ -113,12 +109,7 @@ def labels_of_voxels(ids: npt.NDArray[np.int32], is_moving: Mask) -> Mask:
 
 
 def labels_by_map(
-    frames: Frames,
-    batch: Batch,
-    ids_of: list[npt.NDArray[np.int32]],
-    is_removed: Mask,
-    places: npt.NDArray,
-    within: float,
+    frames: Frames, batch: Batch, ids_of: list[Ids], is_removed: Mask, places: npt.NDArray, within: float
 ) -> Iterator[tuple[int, Mask]]:
     """Yield (index, (M,) bool moving) of the batch's own frames: the points whose voxel is removed from a map.
 

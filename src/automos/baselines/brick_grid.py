@@ -9,6 +9,8 @@ import numpy.typing as npt
 
 from automos.core.kernels import kernel
 
+Ids = npt.NDArray[np.int32]
+"""Voxels by their numbers, -1 for none."""
 _SIDE_BITS = 3
 _SIDE = 1 << _SIDE_BITS
 _CELLS = _SIDE**3
@@ -32,7 +34,7 @@ class BrickGrid:
     def __len__(self) -> int:
         return self.n_voxels
 
-    def add(self, points: npt.NDArray) -> npt.NDArray[np.int32]:
+    def add(self, points: npt.NDArray) -> Ids:
         """Return (M,) int32: the voxel of each of `points` (M, 3), level frame; new if need be, -1 out of reach."""
         ids = np.empty(len(points), np.int32)
         done = 0
@@ -45,13 +47,11 @@ class BrickGrid:
                 self._cells = np.concatenate([self._cells, more])
         return ids
 
-    def pass_rays(self, origin: npt.NDArray, ends: npt.NDArray, stamp: int, passed: npt.NDArray[np.int32]) -> None:
+    def pass_rays(self, origin: npt.NDArray, ends: npt.NDArray, stamp: int, passed: Ids) -> None:
         """Write `stamp` into `passed` (V,) for the voxels from `origin` (3,) to before each of `ends` (M, 3)."""
         _pass_rays(np.asarray(origin), ends, self.low, 1.0 / self.voxel, self._table, self._cells, stamp, passed)
 
-    def pass_lines(
-        self, origin: npt.NDArray, ends: npt.NDArray[np.int32], stamp: int, passed: npt.NDArray[np.int32]
-    ) -> None:
+    def pass_lines(self, origin: npt.NDArray, ends: Ids, stamp: int, passed: Ids) -> None:
         """Write `stamp` into `passed` (V,) for the voxels on thin lines from `origin` (3,) to `ends` (M, 3) indices.
 
         A line has one voxel per step along its longest axis (Bresenham); `pass_rays` meets all that a ray touches.
@@ -66,23 +66,21 @@ class BrickGrid:
             for step in range(-reach, reach + 1):
                 self.add(middle + step * self.voxel * np.eye(3)[axis])
 
-    def squared_steps(
-        self, ids: npt.NDArray[np.int32], indices: npt.NDArray[np.int32], reach: int
-    ) -> npt.NDArray[np.uint8]:
+    def squared_steps(self, ids: Ids, indices: Ids, reach: int) -> npt.NDArray[np.uint8]:
         """Return (V,) uint8: squared distance in voxels from each to the nearest of `ids` (K,), `FAR` beyond `reach`.
 
         indices : (V, 3) int32 of all voxels (`indices`).
         """
         return _squared_steps(indices[ids], reach, self._table, self._cells, np.full(self.n_voxels, FAR))
 
-    def neighbours(self, ids: npt.NDArray[np.integer], indices: npt.NDArray[np.int32], reach: int) -> npt.NDArray:
+    def neighbours(self, ids: npt.NDArray[np.integer], indices: Ids, reach: int) -> npt.NDArray:
         """Return (K, (2 reach + 1)^3) int32: the voxels around each of `ids` (K,), -1 if there is none.
 
         indices : (V, 3) int32 of all voxels (`indices`).
         """
         return _neighbours(ids, indices, reach, self._table, self._cells)
 
-    def indices(self) -> npt.NDArray[np.int32]:
+    def indices(self) -> Ids:
         """Return (V, 3) int32: where each voxel lies in the grid."""
         indices, corners = np.empty((self.n_voxels, 3), np.int32), np.empty((self._n_bricks, 3), np.int32)
         places = np.argwhere(self._table >= 0)

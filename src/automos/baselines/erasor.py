@@ -11,10 +11,10 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.baselines.batches import BATCH, BatchSize, add_used, body_of, cut_batches, labels_of_voxels
-from automos.baselines.erasor_bins import compare_bins
+from automos.baselines.brick_grid import Ids
+from automos.baselines.erasor_bins import Plane, compare_bins
 from automos.core.geometry import inverse, transform
 from automos.core.scan import Frame, Frames, Mask
 from automos.core.voxel_map import VoxelMap
@@ -64,7 +64,7 @@ class Parameters(NamedTuple):
     min_points: int = 6
     bin_max_height: float = 0.2
     min_removed_span: float = 0.5
-    plane: tuple[float, int, int, int, float] = (0.5, 5, 20, 3, 0.25)
+    plane: Plane = (0.5, 5, 20, 3, 0.25)
     ego_radius: float = 2.7
     every: int = 4
     batch: BatchSize = BATCH
@@ -102,6 +102,6 @@ def clean_submap(frames: Frames, submap: range, own: range, parameters: Paramete
         yield labels_of_voxels(ids_of[k - submap[0]], ~is_alive) | rejected.get(k, False)
 
 
-def _add_beside_body(voxels: VoxelMap, frame: Frame, ego_radius: float) -> npt.NDArray[np.int32]:
+def _add_beside_body(voxels: VoxelMap, frame: Frame, ego_radius: float) -> Ids:
     level = frame.points[:, :2]
     return add_used(voxels, frame, np.einsum("ij,ij->i", level, level) > ego_radius**2)

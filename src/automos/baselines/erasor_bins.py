@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from automos.baselines.brick_grid import Ids
 from automos.core.kernels import kernel
 from automos.core.scan import Mask
 
@@ -42,6 +43,8 @@ def fit_region_ground(points, seed_height, n_skipped, n_lowest, n_iterations, di
     return is_ground
 
 
+Plane = tuple[float, int, int, int, float]
+"""Arguments of `fit_region_ground` after the points."""
 _KEEP, _MAP_HIGHER, _SCAN_HIGHER, _SIMILAR, _SCAN_ONLY = range(5)
 
 
@@ -79,10 +82,10 @@ def compare_bins(
     near: npt.NDArray[np.int64],
     map_points: npt.NDArray,
     is_alive: Mask,
-    was_scanned: npt.NDArray[np.int32],
+    was_scanned: Ids,
     stamp: np.int32,
     scan_points: npt.NDArray,
-    scan_ids: npt.NDArray[np.int32],
+    scan_ids: Ids,
     about: Any,
 ) -> Mask:
     """Compare one scan with the map by bins; edit `is_alive` (V,) in place, return (M,) the scan's dynamic points."""
@@ -128,12 +131,7 @@ def _decide(of_map: _Heights, of_scan: _Heights, about: Any) -> npt.NDArray[np.i
 
 
 def _remove_above_ground(
-    near: npt.NDArray[np.int64],
-    points: npt.NDArray,
-    bins: npt.NDArray[np.int32],
-    is_alive: Mask,
-    is_hit: Mask,
-    plane: tuple[float, int, int, int, float],
+    near: npt.NDArray[np.int64], points: npt.NDArray, bins: Ids, is_alive: Mask, is_hit: Mask, plane: Plane
 ) -> None:
     """Remove the voxels `near` (N,) above the ground plane of their bin, at `points`, from the map.
 

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.baselines.batches import BatchSize, add_points, cut_batches, labels_of_voxels
-from automos.baselines.brick_grid import FAR, BrickGrid
+from automos.baselines.brick_grid import FAR, BrickGrid, Ids
 from automos.core.kernels import kernel
 from automos.core.scan import Frames, Mask
 
@@ -94,13 +94,13 @@ class _Voxels:
         self._seen, self._hit, self._changed = (np.full(n, -1, np.int32) for _ in range(3))
         self._last_away = np.full(n, FAR)
         self._sum = np.zeros(n, np.int32)
-        self._recent: deque[tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]] = deque()
+        self._recent: deque[tuple[Ids, Ids]] = deque()
         self._moved = np.zeros(n, bool)
         steps = np.sqrt(np.arange(256)) * parameters.voxel / parameters.deviation
         self._surface = np.exp(-0.5 * steps**2)
         self._surface[FAR] = 0.0
 
-    def observe(self, k: int, origin: npt.NDArray, hit: npt.NDArray[np.int32]) -> Mask:
+    def observe(self, k: int, origin: npt.NDArray, hit: Ids) -> Mask:
         """Return (V,) bool moving, after what scan `k` saw: its rays from `origin` (3,) to the voxels `hit` (H,)."""
         about = self._parameters
         self._grid.pass_lines(origin, self._indices[hit], k, self._seen)
@@ -111,7 +111,7 @@ class _Voxels:
         _filter(k, *about_voxels, self._surface, about.change, about.sure)
         return self._find_movers(k, hit, self._count_changes(k, hit))
 
-    def _count_changes(self, k: int, hit: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+    def _count_changes(self, k: int, hit: Ids) -> Ids:
         """Return (H,) int32: how much came around each of the voxels `hit` in scan `k`."""
         if len(self._recent) < self._parameters.window:  # too little is known yet
             return np.zeros(len(hit), np.int32)
@@ -120,7 +120,7 @@ class _Voxels:
         counts[hit] = _count(around, k, self._state, self._seen, self._hit, self._changed, k - self._parameters.forget)
         return _median(self._grid.neighbours(hit, self._indices, 1), self._hit == k, counts)
 
-    def _find_movers(self, k: int, hit: npt.NDArray[np.int32], counts: npt.NDArray[np.int32]) -> Mask:
+    def _find_movers(self, k: int, hit: Ids, counts: Ids) -> Mask:
         """Return (V,) bool moving in scan `k`, which hit `hit` (H,) and found `counts` (H,) changes there."""
         about = self._parameters
         self._sum[hit] += counts

@@ -85,8 +85,14 @@ TITLES = {name: method.title for name, method in BASELINES.items()} | {
 }
 """Names on the command line and in tables, in the order in which they are shown."""
 
+
+def title_of(method: str) -> str:
+    """Return what a method, or another program's labels, are called in tables."""
+    return TITLES.get(method, method)
+
+
 NEEDS_FUTURE = {name: method.needs_future for name, method in BASELINES.items()} | dict.fromkeys(PRESETS, True)
-"""Whether a scan's labels depend on scans after it."""
+"""Whether a scan's labels depend on scans after it; not known of those of other programs."""
 
 
 def choose_methods(names: Iterable[str] | None) -> list[str]:

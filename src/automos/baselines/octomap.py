@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.baselines.batches import BATCH, Batch, BatchSize, add_points, body_of, cut_batches, labels_by_map
-from automos.baselines.brick_grid import BrickGrid
+from automos.baselines.brick_grid import BrickGrid, Ids
 from automos.baselines.height_images import HEIGHT_IMAGES, HeightImages, find_ground
 from automos.core.geometry import transform
 from automos.core.kernels import kernel
@@ -60,9 +60,7 @@ def find_moving(frames: Frames, parameters: Parameters, start: int = 0) -> Itera
             yield k, _ask_neighbours(frames[k], ids_of[k - batch.frames[0]], is_moving, parameters.neighbours)
 
 
-def _map_batch(
-    frames: Frames, batch: Batch, parameters: Parameters
-) -> tuple[list[npt.NDArray[np.int32]], npt.NDArray[np.bool_], npt.NDArray[np.float64]]:
+def _map_batch(frames: Frames, batch: Batch, parameters: Parameters) -> tuple[list[Ids], Mask, npt.NDArray]:
     """Return each frame's points' voxels, -1 for none, (V,) which voxels are free, and their centres (V, 3)."""
     grid = BrickGrid(
         parameters.voxel, frames.T_level_sensor[batch.frames[0] : batch.frames[-1] + 1, :3, 3], parameters.max_range
@@ -107,7 +105,7 @@ def _update(log_odds, passed, hit, stamp, more, less, lowest, highest):  # type:
             log_odds[v] = max(log_odds[v] + less, lowest)
 
 
-def _ask_neighbours(frame: Frame, ids: npt.NDArray[np.int32], is_moving: Mask, n: int) -> Mask:
+def _ask_neighbours(frame: Frame, ids: Ids, is_moving: Mask, n: int) -> Mask:
     """Return `is_moving`, points without a voxel labelled as most of their `n` nearest neighbours that have one."""
     unknown, known = np.flatnonzero(ids < 0), np.flatnonzero(ids >= 0)
     if len(unknown) and len(known) >= n:

@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from automos.baselines.batches import BatchSize, add_points, cut_batches, is_within, labels_by_map
 from automos.baselines.range_image import NOTHING, ImageShape, image_shape, nearest_ranges, pixel_of
@@ -19,7 +18,7 @@ from automos.core.cells import moved
 from automos.core.geometry import inverse
 from automos.core.kernels import kernel
 from automos.core.parallel import available_cores, map_in_order
-from automos.core.scan import Frames, Mask
+from automos.core.scan import Frames, Mask, Points
 from automos.core.voxel_map import VoxelMap
 
 _BATCH = BatchSize(scans=150)
@@ -72,7 +71,7 @@ def find_moving(frames: Frames, parameters: Parameters, start: int = 0) -> Itera
         yield from labels_by_map(frames, batch, ids_of, is_removed, mean, parameters.kept_within)
 
 
-def clean_map(mean: npt.NDArray[np.float32], frames: Frames, scans: range, parameters: Parameters) -> Mask:
+def clean_map(mean: Points, frames: Frames, scans: range, parameters: Parameters) -> Mask:
     """Return (V,) bool: the voxels of the map `mean` (V, 3), level frame, that `scans` remove and do not give back."""
     is_removed = np.zeros(len(mean), bool)
     for per_degree in parameters.remove:
@@ -85,12 +84,7 @@ def clean_map(mean: npt.NDArray[np.float32], frames: Frames, scans: range, param
 
 
 def _condemn(
-    points: npt.NDArray[np.float32],
-    frames: Frames,
-    scans: range,
-    per_degree: float,
-    parameters: Parameters,
-    only_nearest: bool,
+    points: Points, frames: Frames, scans: range, per_degree: float, parameters: Parameters, only_nearest: bool
 ) -> Mask:
     """Return (V,) bool: the points that any of the scans sees through, of those nearest in their pixel or of all."""
     edge = parameters.max_elevation_deg

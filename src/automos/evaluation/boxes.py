@@ -4,12 +4,10 @@ A true box of a mover is compared with the box, in the same scan, of the moving 
 there; scans in which it has fewer than `FEWEST` points are left out, as nobody could draw a box in them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
@@ -55,7 +53,7 @@ class BoxErrors(ColumnData):
     velocity: Array
 
     @classmethod
-    def empty(cls) -> BoxErrors:
+    def empty(cls) -> Self:
         """Return no rows."""
         return cls(np.zeros(0, np.int64), *np.zeros((5, 0)))
 

@@ -7,11 +7,9 @@ its speed, so that a pedestrian counts as much as a car; 0 is exact, 1 is the sc
 first and second scene-flow challenge; labels here have no classes, so each bucket covers all objects.)
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -44,8 +42,8 @@ class FlowCounts:
     threeway: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros((3, 2)))
     buckets: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros((len(SPEEDS) - 1, 3)))
 
-    def __add__(self, other: FlowCounts) -> FlowCounts:
-        return FlowCounts(self.threeway + other.threeway, self.buckets + other.buckets)
+    def __add__(self, other: Self) -> Self:
+        return type(self)(self.threeway + other.threeway, self.buckets + other.buckets)
 
     @property
     def epe(self) -> dict[str, float]:

@@ -1,7 +1,5 @@
 """Scores of labels on disk: label files are matched with scans by name and counted together; table and JSON."""
 
-from __future__ import annotations
-
 import json
 import logging
 from collections.abc import Iterable

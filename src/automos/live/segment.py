@@ -1,7 +1,5 @@
 """`automos segment`: labels a recording online, as on a robot, with results like those of `automos label`."""
 
-from __future__ import annotations
-
 import json
 import time
 from array import array
@@ -27,45 +25,6 @@ from automos.results.point_files import count_points, no_points, write_points
 from automos.results.tracks_file import box_entry
 from automos.results.writing import about, write_tables
 from automos.settings import Settings
-
-
-def segment_recording(
-    sequence: Sequence, folder: Path, settings: Settings, lag: float = 0.0, progress: Progress | None = None
-) -> dict[str, Any]:
-    """Label every scan of `sequence` with a lag of `lag` seconds; return the contents of run.json.
-
-    Labels, poses, tracks.json and run.json are written to `folder`.
-
-    Raises
-    ------
-    InputError : the folder contains another program's labels, or cannot be written.
-    """
-    labeler = Labeler(settings, lag=lag, is_compensated=sequence.is_compensated)
-    milliseconds = []
-    with results_writer(folder, sequence.names, settings, sequence) as writer:
-        start = time.perf_counter()
-        for i, done in enumerate(labeler.push_each(stamped(sequence))):
-            milliseconds.append(1e3 * (time.perf_counter() - start))
-            start = time.perf_counter()
-            for given in done:
-                writer.write(given)
-            if progress is not None:
-                progress("segment", i + 1, len(sequence))
-        for given in labeler.finish():
-            writer.write(given)
-        median, p99 = np.percentile(milliseconds, [50, 99]).round(2).tolist()
-        spent = {"median": median, "p99": p99}
-        return writer.finish({"recording": about(sequence), "lag_seconds": lag, "milliseconds": {"all": spent}})
-
-
-@contextmanager
-def results_writer(
-    folder: Path, names: list[str] | None, settings: Settings, recording: Sequence | None = None
-) -> Iterator[ResultsWriter]:
-    """Yield a writer with exclusive access to `folder` until the block ends; errors as in `claimed`."""
-    places = ["predictions", *(["confidences"] if settings.output.confidence else [])]
-    with claimed(folder, places, recording):
-        yield ResultsWriter(folder, names, settings)
 
 
 class ResultsWriter:
@@ -117,6 +76,45 @@ class ResultsWriter:
             boxes = [box_entry(int(scan), stamp, True, columns) for scan, stamp, _, *columns in rows.tolist()]
             confidence = round(float(rows[:, 2].mean()), 3)
             yield {"id": track + 1, "verdict": "moving", "confidence": confidence, "boxes": boxes}
+
+
+@contextmanager
+def results_writer(
+    folder: Path, names: list[str] | None, settings: Settings, recording: Sequence | None = None
+) -> Iterator[ResultsWriter]:
+    """Yield a writer with exclusive access to `folder` until the block ends; errors as in `claimed`."""
+    places = ["predictions", *(["confidences"] if settings.output.confidence else [])]
+    with claimed(folder, places, recording):
+        yield ResultsWriter(folder, names, settings)
+
+
+def segment_recording(
+    sequence: Sequence, folder: Path, settings: Settings, lag: float = 0.0, progress: Progress | None = None
+) -> dict[str, Any]:
+    """Label every scan of `sequence` with a lag of `lag` seconds; return the contents of run.json.
+
+    Labels, poses, tracks.json and run.json are written to `folder`.
+
+    Raises
+    ------
+    InputError : the folder contains another program's labels, or cannot be written.
+    """
+    labeler = Labeler(settings, lag=lag, is_compensated=sequence.is_compensated)
+    milliseconds = []
+    with results_writer(folder, sequence.names, settings, sequence) as writer:
+        start = time.perf_counter()
+        for i, done in enumerate(labeler.push_each(stamped(sequence))):
+            milliseconds.append(1e3 * (time.perf_counter() - start))
+            start = time.perf_counter()
+            for given in done:
+                writer.write(given)
+            if progress is not None:
+                progress("segment", i + 1, len(sequence))
+        for given in labeler.finish():
+            writer.write(given)
+        median, p99 = np.percentile(milliseconds, [50, 99]).round(2).tolist()
+        spent = {"median": median, "p99": p99}
+        return writer.finish({"recording": about(sequence), "lag_seconds": lag, "milliseconds": {"all": spent}})
 
 
 def stamped(sequence: Sequence) -> Iterator[Scan]:

@@ -3,8 +3,6 @@
 A trained network is one file: weights, settings and what it saw, enough to run it without anything beside it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from enum import IntEnum
 from pathlib import Path

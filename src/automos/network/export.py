@@ -1,7 +1,5 @@
 """A checkpoint as an ONNX file, which runs without PyTorch; what comes out is compared with what went in."""
 
-from __future__ import annotations
-
 import json
 import warnings
 from pathlib import Path

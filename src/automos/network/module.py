@@ -4,8 +4,6 @@ The loss is weighted negative log-likelihood and Lovász-softmax (Berman et al.,
 training, step by step and epoch by epoch, networks are kept, and somebody is told.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable

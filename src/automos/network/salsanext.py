@@ -1,7 +1,5 @@
 """SalsaNext (Cortinhal et al., ISVC 2020): context, dilated residual encoder, pixel-shuffle decoder."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import torch

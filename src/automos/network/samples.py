@@ -7,12 +7,15 @@ import numpy.typing as npt
 
 from automos.core.arrays import evenly_spread
 from automos.core.errors import InputError
+from automos.core.geometry import Array
 from automos.core.run import Progress, silent
 from automos.network.augmentation import UNCHANGED, apply_change, draw_change
 from automos.network.images import BASE_CHANNELS, make_image
-from automos.network.recordings import LabelledRecording, Shelf
+from automos.network.projection import Image
+from automos.network.recordings import LabelledRecording, Labels, Shelf
 from automos.settings import NetworkSettings
 
+Rows = npt.NDArray[np.int64]
 _CACHED_SCANS = 200
 """Scans kept in memory, thinned to one point per pixel: half a gigabyte at most, at the full image."""
 _CLASS_NAMES = ("unlabeled", "static", "moving")
@@ -30,7 +33,7 @@ class _Samples:
         return len(self._order)
 
     @property
-    def neighbours(self) -> npt.NDArray[np.int64]:
+    def neighbours(self) -> Rows:
         """Return all indices, those of neighbouring scans together."""
         return np.lexsort(self._order.T[::-1])
 
@@ -85,15 +88,13 @@ class ValidationSamples(_Samples):
         return {"image": image.channels, "target": target}
 
 
-def draw_order(n: int, wanted: int, rng: np.random.Generator) -> npt.NDArray[np.int64]:
+def draw_order(n: int, wanted: int, rng: np.random.Generator) -> Rows:
     """Return `wanted` (0: `n`) of the numbers below `n`, in rounds: none comes twice more often than another."""
     wanted = wanted or n
     return np.concatenate([rng.permutation(n) for _ in range(-(-wanted // n))])[:wanted]
 
 
-def draw_sector(
-    target: npt.NDArray[np.int64], n_columns: int, rng: np.random.Generator
-) -> npt.NDArray[np.int64] | slice:
+def draw_sector(target: npt.NDArray, n_columns: int, rng: np.random.Generator) -> Rows | slice:
     """Return which columns to train on: all where `n_columns` is 0, else a sector, every other time of what moves.
 
     Little of a scan moves, and a step costs what its pixels cost: so more of what is learnt from is seen for it.
@@ -108,9 +109,7 @@ def draw_sector(
     return (middle - n_columns // 2 + np.arange(n_columns)) % width
 
 
-def _targets(
-    index: npt.NDArray[np.int32], classes: npt.NDArray[np.uint8], confidence: npt.NDArray[np.float32]
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float32]]:
+def _targets(index: npt.NDArray[np.int32], classes: Labels, confidence: Image) -> tuple[npt.NDArray, Image]:
     """Return the class (H, W) int64 and the confidence (H, W) of what each pixel shows; 0 if it shows nothing."""
     if len(classes) == 0:
         return np.zeros(index.shape, np.int64), np.zeros(index.shape, np.float32)
@@ -119,9 +118,7 @@ def _targets(
     return np.where(is_seen, classes[rows], 0).astype(np.int64), np.where(is_seen, confidence[rows], np.float32(0.0))
 
 
-def measure_classes(
-    recordings: list[LabelledRecording], progress: Progress = silent, n_scans: int = 60
-) -> npt.NDArray[np.float64]:
+def measure_classes(recordings: list[LabelledRecording], progress: Progress = silent, n_scans: int = 60) -> Array:
     """Return (3,) class weights, 1 / sqrt(share of labelled points) and 0 for unlabeled, from evenly spread scans.
 
     LMNet weighs by 1 / share, so that a pixel counts as moving from a probability of its share on: a few percent, which
@@ -146,7 +143,7 @@ def measure_classes(
 
 def measure_scale(
     recordings: list[LabelledRecording], progress: Progress = silent, n_scans: int = 20
-) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+) -> tuple[npt.NDArray, npt.NDArray]:
     """Return the mean and the standard deviation (2,) of the base channels over the pixels that show something."""
     n = len(BASE_CHANNELS)
     pixels = []

@@ -22,6 +22,7 @@ from automos.settings import Settings, dump_yaml
 if TYPE_CHECKING:
     from automos.network.checkpoint import Checkpoint
 
+Recordings = list[LabelledRecording]
 _log = logging.getLogger(__name__)
 
 
@@ -85,11 +86,7 @@ def train(
 
 
 def _samples(
-    recordings: list[LabelledRecording],
-    validation: list[LabelledRecording],
-    settings: Settings,
-    out: Path,
-    progress: Progress,
+    recordings: Recordings, validation: Recordings, settings: Settings, out: Path, progress: Progress
 ) -> tuple[TrainingSamples, ValidationSamples] | tuple[PackedSamples, PackedSamples]:
     """Return what is trained on and what the epoch is chosen by, packed in `out` if that is asked for."""
     network, training = settings.network, settings.network.training
@@ -135,7 +132,7 @@ def _claim(out: Path, data: TrainingData, settings: Settings, init: Path | None)
     write_text(path, mark + dump_yaml(settings))
 
 
-def _split(recordings: list[LabelledRecording]) -> tuple[list[LabelledRecording], list[LabelledRecording]]:
+def _split(recordings: Recordings) -> tuple[Recordings, Recordings]:
     """Return the recordings to train on and those to choose the epoch by: the last of several, else the same one."""
     if len(recordings) == 1:
         _log.warning("one recording only: the best epoch is chosen by the scans that were trained on")

@@ -7,21 +7,19 @@ OUT/log/1/metrics.csv  losses and scores by epoch, 2 after it was stopped and we
 OUT/tensorboard/   the same, where TensorBoard is installed
 """
 
-from __future__ import annotations
-
 import csv
 import importlib.util
 import logging
 import warnings
-from collections.abc import Callable, Iterator, Sized
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 import numpy.typing as npt
 import pytorch_lightning as lightning
 import torch
-from pytorch_lightning.callbacks import EarlyStopping, ModelCheckpoint
+from pytorch_lightning.callbacks import Callback, EarlyStopping, ModelCheckpoint
 from pytorch_lightning.loggers import CSVLogger, TensorBoardLogger
 from torch.utils.data import DataLoader
 
@@ -30,6 +28,8 @@ from automos.core.parallel import available_cores
 from automos.core.run import Progress, silent
 from automos.network.checkpoint import Checkpoint, load_checkpoint, require_shape, save_checkpoint
 from automos.network.module import MONITORED, Kept, Told, Training
+from automos.network.packed import PackedSamples
+from automos.network.samples import TrainingSamples, ValidationSamples
 from automos.settings import NetworkSettings, TrainingSettings
 
 _PATIENCE = 30
@@ -40,14 +40,7 @@ _MOST_LOADERS = 8
 """An H100 trains the full network on 70 scans a second, a core prepares 8 to 10; each process takes time to start."""
 
 
-class Samples(Sized, Protocol):
-    """Training or validation samples; `begin_epoch` says which epoch they are drawn for."""
-
-    def begin_epoch(self, epoch: int) -> None:
-        """Draw anew."""
-
-    def __getitem__(self, index: int) -> dict[str, npt.NDArray]:
-        """Return `image` (C, H, W) float32, `target` (H, W) int64 and, if used, `confidence` (H, W) float32."""
+Samples = TrainingSamples | ValidationSamples | PackedSamples
 
 
 class _Data(lightning.LightningDataModule):
@@ -136,12 +129,7 @@ def _say_if_early(stop: EarlyStopping, trainer: lightning.Trainer, report: Calla
 
 
 def _make_trainer(
-    out: Path,
-    accelerator: str,
-    devices: int,
-    training: TrainingSettings,
-    at_once: int,
-    callbacks: list[lightning.Callback],
+    out: Path, accelerator: str, devices: int, training: TrainingSettings, at_once: int, callbacks: list[Callback]
 ) -> lightning.Trainer:
     n_starts = len(list((out / "log").glob("*/metrics.csv")))  # a logger deletes what its folder holds
     loggers: list[Any] = [CSVLogger(out, name="log", version=str(n_starts + 1))]

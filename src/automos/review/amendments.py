@@ -5,15 +5,13 @@ box is in the scan's own sensor frame, so neither depends on the results or pose
 run, the object replaces any track that holds its points; a track that was cut becomes two such objects.
 """
 
-from __future__ import annotations
-
 import base64
 import re
 import zlib
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -46,12 +44,12 @@ class Part:
     heading: npt.NDArray[np.float64]
     size: npt.NDArray[np.float64]
 
-    @staticmethod
-    def of_box(rows: npt.NDArray, box: npt.NDArray[np.float64], T_level_sensor: Pose) -> Part:
+    @classmethod
+    def of_box(cls, rows: npt.NDArray, box: npt.NDArray[np.float64], T_level_sensor: Pose) -> Self:
         """Return the part of points `rows` and an upright `box` (7,): centre, size, yaw; level frame."""
         T = inverse(T_level_sensor)
         heading = T[:3, :3] @ [np.cos(box[6]), np.sin(box[6]), 0.0]
-        return Part(np.sort(rows).astype(np.int64), transform(T, box[None, :3])[0], heading, np.asarray(box[3:6]))
+        return cls(np.sort(rows).astype(np.int64), transform(T, box[None, :3])[0], heading, np.asarray(box[3:6]))
 
     def box_level(self, T_level_sensor: Pose) -> npt.NDArray[np.float64]:
         """Return its upright box (7,): centre, size, yaw; level frame."""

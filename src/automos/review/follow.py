@@ -9,8 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from automos.core.geometry import Array
 from automos.objects.detections import Detections
 from automos.objects.tracker import Tracker
 from automos.review.box_rows import as_rows
@@ -28,22 +28,17 @@ WIDTH = 10.0
 class Heading:
     """Where something is likely to be: its velocity (2,), and by how much that may change, metres per second."""
 
-    velocity: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))
+    velocity: Array = field(default_factory=lambda: np.zeros(2))
     may_change: float = REACH
 
 
 Detect = Callable[[int], Detections]
-Path = dict[int, tuple[int, npt.NDArray[np.float64]]]
+Path = dict[int, tuple[int, Array]]
 """By scan, ascending: the segment, -1 if it was out of sight, and the box (7,): centre, size, yaw."""
 
 
 def follow_segment(
-    detect: Detect,
-    stamps: npt.NDArray[np.float64],
-    scan: int,
-    segment: int,
-    settings: TrackingSettings,
-    most: int | None = None,
+    detect: Detect, stamps: Array, scan: int, segment: int, settings: TrackingSettings, most: int | None = None
 ) -> Path:
     """Return where segment `segment` of scan `scan` was before and after, in `most` scans each way.
 
@@ -61,7 +56,7 @@ def follow_segment(
 
 def follow_ahead(
     detect: Detect,
-    stamps: npt.NDArray[np.float64],
+    stamps: Array,
     scan: int,
     segment: int,
     settings: TrackingSettings,

@@ -1,7 +1,5 @@
 """A world: what stands still, what moves, and the ego vehicle among it. And the site on which scenarios build one."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -6,13 +6,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from automos.core.geometry import Array
 from automos.core.scan import Pose
 from automos.results.run_warnings import general_sentences
 
+Json = dict[str, Any]
+"""What a JSON file says, by name."""
 
-def trust_in(
-    run: dict[str, Any], warnings: list[str], expected: float | None, truth: dict[str, Any] | None = None
-) -> dict[str, str]:
+
+def trust_in(run: Json, warnings: list[str], expected: float | None, truth: Json | None = None) -> dict[str, str]:
     """Return how far labels can be trusted: `level` ("yes", "look", "no") and a `sentence`.
 
     Poses decide first, as all evidence follows from them; then what else is odd; how sure the verdicts are is said
@@ -42,7 +44,7 @@ def trust_in(
     return {"level": "yes", "sentence": f"These labels can be trusted: {why}; {how_sure}."}
 
 
-def _how_sure(quality: dict[str, Any], expected: float | None, truth: dict[str, Any] | None) -> str:
+def _how_sure(quality: Json, expected: float | None, truth: Json | None) -> str:
     if truth is not None and truth["iou"] is not None:
         return f"against the truth, the IoU of what moves is {100 * truth['iou']:.1f} %"
     precision = quality.get("precision")
@@ -65,12 +67,7 @@ SURE = 0.7
 
 
 def caveats(
-    run: dict[str, Any],
-    tracks: list[dict[str, Any]],
-    T_level_sensor: Pose,
-    stamps: npt.NDArray[np.float64],
-    names: list[str],
-    counts: npt.NDArray[np.int64],
+    run: Json, tracks: list[Json], T_level_sensor: Pose, stamps: Array, names: list[str], counts: npt.NDArray
 ) -> list[str]:
     """Return the warnings of a run, the most serious first.
 
@@ -99,7 +96,7 @@ def _of_path(T_level_sensor: Pose, stamps: npt.NDArray, names: list[str]) -> Ite
         )
 
 
-def _of_labels(counts: npt.NDArray[np.int64], tracks: list[dict[str, Any]]) -> Iterator[str]:
+def _of_labels(counts: npt.NDArray, tracks: list[Json]) -> Iterator[str]:
     unlabeled, static, moving = counts.tolist()
     total = max(unlabeled + static + moving, 1)
     if unlabeled > UNLABELED * total:

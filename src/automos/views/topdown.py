@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.atomic import atomic_path
+from automos.core.geometry import Array
 from automos.core.label_files import to_mos
 from automos.core.labels import Label
 
@@ -51,12 +52,7 @@ class View:
 
 
 def draw_views(
-    views: list[View],
-    path: Path,
-    center: npt.NDArray,
-    radius: float,
-    tracks: list[npt.NDArray] | None = None,
-    columns: int = 3,
+    views: list[View], path: Path, center: Array, radius: float, tracks: list[Array] | None = None, columns: int = 3
 ) -> None:
     """Write the views side by side, all of the same square of ground, to a PNG file.
 

@@ -129,8 +129,7 @@ def test_tables_of_all_methods_have_whole_words_in_80_columns():
     scores = {name: Scores(1, 0, 0, 1, 0) for name in everyone}
     missing = {"dufomap": "pip install '.[dufomap]'"}
     agreement = Agreement(tuple(everyone), iou)
-    futures = dict.fromkeys(everyone, True)
-    comparison = Comparison("log", 9999, "own poses", dict(TITLES), futures, scores, costs, missing, agreement)
+    comparison = Comparison("log", 9999, "own poses", scores, costs, missing, agreement)
     console = Console(width=80, record=True, file=io.StringIO())
     for table in comparison.tables():
         console.print(table)

@@ -1,7 +1,5 @@
 """Table I of the paper on any recording: every method is scored, timed and compared with the others."""
 
-from __future__ import annotations
-
 import json
 import logging
 import math
@@ -19,7 +17,7 @@ from automos.baselines.comparison.agreement import Agreement, measure_agreement
 from automos.baselines.comparison.cost import Cost
 from automos.baselines.comparison.panel import choose_scan, draw_panel
 from automos.baselines.comparison.runs import MethodRuns, is_moving
-from automos.baselines.methods import TITLES, choose_methods
+from automos.baselines.methods import NEEDS_FUTURE, TITLES, choose_methods, title_of
 from automos.core.atomic import write_text
 from automos.core.errors import InputError, MissingExtraError
 from automos.core.json_members import without_nan
@@ -39,12 +37,8 @@ class Comparison:
         Name and number of scans.
     poses : str
         Source of the poses.
-    titles : dict of str to str
-        Of all that was compared, by name.
-    needs_future : dict of str to bool, optional
-        Of each, None if it is not known.
     scores : dict of str to Scores
-        Of each; empty if the recording has no truth.
+        Of all that was compared, by name; empty if the recording has no truth.
     costs : dict of str to Cost, optional
         Of each, None where another program made the labels.
     missing : dict of str to str
@@ -56,8 +50,6 @@ class Comparison:
     recording: str
     n_scans: int
     poses: str
-    titles: dict[str, str]
-    needs_future: dict[str, bool | None]
     scores: dict[str, Scores]
     costs: dict[str, Cost | None]
     missing: dict[str, str]
@@ -69,9 +61,9 @@ class Comparison:
         for name, cost in self.costs.items():
             scores = self.scores.get(name)
             methods[name] = {
-                "title": self.titles[name],
+                "title": title_of(name),
                 **(scores.ratios | asdict(scores) if scores else {}),
-                "needs_future": self.needs_future[name],
+                "needs_future": NEEDS_FUTURE.get(name),
                 **({} if cost is None else _plain_cost(cost)),
             }
         plain = {key: getattr(self, key) for key in ("recording", "n_scans", "poses")} | {"methods": methods}
@@ -94,9 +86,9 @@ class Comparison:
         for name, cost in self.costs.items():
             scores = self.scores.get(name)
             ratios = map(percent, scores.ratios.values()) if scores else [""] * 3
-            future = {True: "needed", False: "no", None: ""}[self.needs_future[name]]
-            table.add_row(self.titles[name], *ratios, *_cost_cells(cost), future)
-        names = [self.titles[name] for name in self.agreement.methods]
+            future = {True: "needed", False: "no", None: ""}[NEEDS_FUTURE.get(name)]
+            table.add_row(title_of(name), *ratios, *_cost_cells(cost), future)
+        names = [title_of(name) for name in self.agreement.methods]
         columns = (Column(f"{k + 1}", justify="right") for k in range(len(names)))
         matrix = Table(Column(no_wrap=True), *columns, title="agreement: IoU % of what moves", box=SIMPLE_HEAD)
         for k, (name, row) in enumerate(zip(names, self.agreement.iou, strict=True)):
@@ -131,8 +123,6 @@ def compare(runs: MethodRuns, methods: Iterable[str] | None = None) -> Compariso
         runs.sequence.name,
         len(runs.sequence),
         _describe_poses(runs),
-        {name: runs.title(name) for name in costs},
-        {name: runs.needs_future(name) for name in costs},
         scores,
         costs,
         missing,

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from automos.baselines.comparison.runs import MethodRuns, is_moving
+from automos.baselines.methods import title_of
 from automos.core.label_files import to_mos
 from automos.core.labels import Label
 from automos.views.topdown import View, draw_views
@@ -24,7 +25,7 @@ def draw_panel(runs: MethodRuns, methods: list[str], scan: int, radius: float, p
         labels = runs.labels(method, scan, frame.n_points)[frame.kept].astype(np.uint8)
         if true is not None:
             labels[true == Label.UNLABELED] = Label.UNLABELED
-        views.append(View(runs.title(method), frame.points_level, labels, true))
+        views.append(View(title_of(method), frame.points_level, labels, true))
     draw_views(views, path, frame.origin_level[:2], radius, columns=4)
 
 

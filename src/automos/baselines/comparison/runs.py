@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.baselines.comparison.cost import Cost, Effort, read_cost
-from automos.baselines.methods import NEEDS_FUTURE, TITLES, label_scans, published
+from automos.baselines.methods import TITLES, label_scans, published
 from automos.core.atomic import write_json, write_raw
 from automos.core.claims import METHODS, SCRATCH, claim, remove
 from automos.core.errors import InputError
@@ -38,7 +38,10 @@ from automos.settings import PRESETS, OdometrySettings, Settings, load_settings
 
 
 class MethodRuns:
-    """Labels of all methods on one recording, made on demand."""
+    """Labels of all methods on one recording, made on demand.
+
+    predictions : the folders of other programs' labels, by name.
+    """
 
     def __init__(
         self,
@@ -63,11 +66,11 @@ class MethodRuns:
         """
         self.sequence, self.folder, self.repeats = sequence, folder, repeats
         self.poses = "given" if poses is not None else "shared" if shared else "own"
-        self._others = {
+        self.predictions = {
             name: find_predictions(Path(root), sequence.name, is_only=True)
             for name, root in (predictions or {}).items()
         }
-        _check_predictions(sequence, self._others)
+        _check_predictions(sequence, self.predictions)
         self._settings = {preset: load_settings(preset, None, overrides) for preset in PRESETS}
         self._own_process = own_process
         self._workers, self._progress = workers, progress or silent
@@ -94,19 +97,6 @@ class MethodRuns:
         given = None if self._given is None else np.ascontiguousarray(self._given, np.float64).tobytes().hex()
         return fingerprint(self.sequence.fingerprint(), odometry, given)
 
-    @property
-    def predictions(self) -> list[str]:
-        """The names of other programs' labels."""
-        return list(self._others)
-
-    def title(self, method: str) -> str:
-        """Return the title of `method` in tables."""
-        return TITLES.get(method, method)
-
-    def needs_future(self, method: str) -> bool | None:
-        """Return whether `method` uses later scans; None for labels of another program."""
-        return NEEDS_FUTURE.get(method)
-
     def settings(self, method: str) -> Settings:
         """Return the settings of `method`: a preset's own, the default's for baselines."""
         return self._settings.get(method, self._settings["default"])
@@ -127,7 +117,7 @@ class MethodRuns:
         MissingExtraError
             Its library is not installed.
         """
-        if method in self._others:
+        if method in self.predictions:
             return None
         key = self._fingerprint(method)
         file = self.folder / method / "cost.json"
@@ -150,8 +140,8 @@ class MethodRuns:
     def labels(self, method: str, index: int, n_points: int) -> npt.NDArray[np.uint32]:
         """Return the labels (n_points,) uint32 of scan `index` by `method`, which must have been run."""
         name = self.sequence.names[index]
-        if method in self._others:
-            return to_mos(read_labels(self._others[method] / f"{name}.label", n_points)).astype(np.uint32)
+        if method in self.predictions:
+            return to_mos(read_labels(self.predictions[method] / f"{name}.label", n_points)).astype(np.uint32)
         return read_labels(self.folder / method / "predictions" / f"{name}.label", n_points)
 
 

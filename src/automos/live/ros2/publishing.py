@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automos.core.errors import MissingExtraError
-from automos.core.geometry import inverse
+from automos.core.geometry import inverse, quaternion_of
 from automos.core.labels import Label
 from automos.core.scan import Pose, Scan
 from automos.labeler import LabelledScan
@@ -118,21 +118,18 @@ def _changed(message: Any, body: Body, is_wider: bool = False) -> Any:
     )
 
 
-def _fill(pose: Any, T: Pose, position: str, rotation: str) -> None:
-    """Put a (4, 4) transform into a message's vector and quaternion."""
-    from scipy.spatial.transform import Rotation
-
-    for axis, value in zip("xyz", T[:3, 3].tolist(), strict=True):
-        setattr(getattr(pose, position), axis, value)
-    for part, value in zip("xyzw", Rotation.from_matrix(T[:3, :3]).as_quat(canonical=True).tolist(), strict=True):
-        setattr(getattr(pose, rotation), part, value)
+def _fill(message: Any, names: str, values: npt.NDArray) -> None:
+    """Put `values` into the fields of a message that have these `names`, of a letter each."""
+    for name, value in zip(names, values.tolist(), strict=True):
+        setattr(message, name, value)
 
 
 def _odometry(header: Any, child: str, T: Pose) -> Any:
     from nav_msgs.msg import Odometry
 
     message = Odometry(header=header, child_frame_id=child)
-    _fill(message.pose.pose, T, "position", "orientation")
+    _fill(message.pose.pose.position, "xyz", T[:3, 3])
+    _fill(message.pose.pose.orientation, "xyzw", quaternion_of(T))
     return message
 
 
@@ -140,7 +137,8 @@ def _transform(header: Any, child: str, T: Pose) -> Any:
     from geometry_msgs.msg import TransformStamped
 
     message = TransformStamped(header=header, child_frame_id=child)
-    _fill(message.transform, T, "translation", "rotation")
+    _fill(message.transform.translation, "xyz", T[:3, 3])
+    _fill(message.transform.rotation, "xyzw", quaternion_of(T))
     return _required("tf2_msgs.msg").TFMessage(transforms=[message])
 
 
@@ -159,11 +157,10 @@ def _markers(header: Any, objects: npt.NDArray) -> Any:
 
 
 def _fill_box(pose: Any, size: Any, thing: Any) -> None:
-    half = 0.5 * float(thing["yaw"])
-    for axis, place, side in zip("xyz", thing["center"].tolist(), thing["size"].tolist(), strict=True):
-        setattr(pose.position, axis, place)
-        setattr(size, axis, side)
-    pose.orientation.z, pose.orientation.w = float(np.sin(half)), float(np.cos(half))
+    half = 0.5 * thing["yaw"]
+    _fill(pose.position, "xyz", thing["center"])
+    _fill(pose.orientation, "zw", np.array([np.sin(half), np.cos(half)]))
+    _fill(size, "xyz", thing["size"])
 
 
 def _detections_publisher(node: Any, quality: Any) -> Any:

@@ -1,11 +1,9 @@
 """What one recorder does to what a sensor measured, and to which points; the plain convention does nothing."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 from difflib import get_close_matches
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -94,7 +92,7 @@ class Convention(BaseModel):
             raise InputError(_sentence(error)) from None
 
     @classmethod
-    def parse(cls, words: Iterable[str]) -> Convention:
+    def parse(cls, words: Iterable[str]) -> Self:
         """Return the convention of words like `turns=1.09` or `renumbered=true`.
 
         Raises

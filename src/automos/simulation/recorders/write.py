@@ -15,6 +15,7 @@ from automos.core.atomic import write_npy, write_raw, write_text
 from automos.core.claims import RECORDED, claim, remove
 from automos.core.pose_writers import write_kitti
 from automos.core.scan import Scan
+from automos.readers.point_cloud2 import packed_rows
 from automos.simulation.recorders.recorded import Recorded
 
 EPOCH = 1_700_000_000.0
@@ -62,11 +63,7 @@ def _named(recorded: Recorded, index: int, scan: Scan) -> npt.NDArray:
     elif recorded.convention.times == "milliseconds":
         times = 1e3 * times
     given = {**dict(zip("xyz", scan.points.T, strict=True)), "intensity": _intensity(scan), "ring": scan.ring}
-    columns = {name: column for name, column in given.items() if column is not None} | {"timestamp": times}
-    rows = np.zeros(len(scan), [(name, column.dtype.str) for name, column in columns.items()])
-    for name, column in columns.items():
-        rows[name] = column
-    return rows
+    return packed_rows({name: column for name, column in given.items() if column is not None} | {"timestamp": times})
 
 
 def _intensity(scan: Scan) -> npt.NDArray[np.float32]:

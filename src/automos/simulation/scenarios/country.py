@@ -56,8 +56,7 @@ def country(rng: np.random.Generator, duration: float) -> World:
         for offset, spacing in ((8.0, (9.0, 30.0)), (15.0, (6.0, 14.0)), (30.0, (7.0, 16.0))):
             roadside.place_trees(site, main, side * offset, spacing, clearance=2.0)
         roadside.place_hedges(site, main, side * 7.5, 0.15)
-        for place, heading in roadside.along(site, main, side * 4.6, (50.0, 50.0), 0.4):
-            site.add(furniture.make_delineator(), place, heading if side < 0 else heading + np.pi)
+        roadside.place_row(site, main, -side, -4.6, (50.0, 50.0), 0.4, furniture.make_delineator)
     return site.finish(duration, reach=120.0, unevenness=0.4)
 
 
@@ -114,8 +113,7 @@ def _motorway(rng: np.random.Generator, duration: float, start: float, is_bare: 
     for side in (-1.0, 1.0):
         for place, heading in roadside.along(site, main, side * (half + 0.8), (16.0, 16.0), -np.inf):
             site.add(furniture.make_guard_rail(16.1), place, heading)
-        for place, heading in roadside.along(site, main, side * (half + 1.8), (50.0, 50.0), -np.inf):
-            site.add(furniture.make_delineator(), place, heading if side < 0 else heading + np.pi)
+        roadside.place_row(site, main, -side, -(half + 1.8), (50.0, 50.0), -np.inf, furniture.make_delineator)
         roadside.scatter_bushes(site, main, (side * (half + 8.0), side * (half + 40.0)), (7.0, 20.0))
         roadside.place_trees(site, main, side * (half + 25.0), (12.0, 60.0), clearance=6.0)
         roadside.scatter_tufts(site, main, (side * (half + 2.5), side * (half + 18.0)), 0.4)

@@ -3,11 +3,9 @@
 A pane lets some beams through, swallows some and returns the rest; a beam that passes goes on to what is behind.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -50,11 +48,11 @@ class Hits:
     object: npt.NDArray[np.int32]
     lost: npt.NDArray[np.bool_]
 
-    @staticmethod
-    def none(n: int, reach: float) -> Hits:
+    @classmethod
+    def none(cls, n: int, reach: float) -> Self:
         """Return no hits for `n` beams of `reach` metres."""
         distance, material, tint = np.full(n, reach, np.float32), np.zeros(n, np.uint8), np.zeros(n, np.float32)
-        return Hits(distance, material, tint, np.ones(n, np.float32), np.zeros(n, np.int32), np.ones(n, np.bool_))
+        return cls(distance, material, tint, np.ones(n, np.float32), np.zeros(n, np.int32), np.ones(n, np.bool_))
 
 
 @cache
