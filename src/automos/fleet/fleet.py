@@ -43,11 +43,6 @@ class Outcome:
         """Number of recordings that are labelled, now or before."""
         return len(self.labelled) + len(self.had_been)
 
-    @property
-    def n_ended(self) -> int:
-        """Number of recordings that are finished or failed."""
-        return self.n_labelled + len(self.failed)
-
 
 @dataclass
 class _Work:

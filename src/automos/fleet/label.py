@@ -135,7 +135,8 @@ def closing_lines(outcome: Outcome, target: str) -> list[str]:
     """Return what was done, and what was not and why, for a terminal."""
     had_been = f" ({len(outcome.had_been)} had been before)" if outcome.had_been else ""
     where, n = shown(target), outcome.n_labelled
-    lines = [f"{n} of {outcome.n_ended} recordings labelled{had_been}, {outcome.scans:,} scans; in {where}"]
+    n_ended = n + len(outcome.failed)
+    lines = [f"{n} of {n_ended} recordings labelled{had_been}, {outcome.scans:,} scans; in {where}"]
     if outcome.warned:
         lines.append(f"{len(outcome.warned)} of them with warnings; read them: automos status {where}")
     lines += [f"not labelled: {name}: {reason}" for name, reason in sorted(outcome.failed.items())]

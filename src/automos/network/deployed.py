@@ -126,11 +126,7 @@ def _load_openvino(weights: Path, device: str, threads: int) -> Deployed:
     text = model.get_rt_info(["framework", METADATA]).astype(str) if model.has_rt_info(["framework", METADATA]) else ""
     image, card = _described(text, weights, [list(each.shape) for each in model.inputs])
     compiled = core.compile_model(model, place, options)
-
-    def run(pixels: Image) -> Image:
-        return compiled(pixels[None])[0][0]
-
-    return Deployed(image, run, f"openvino on {place.lower()}", card)
+    return Deployed(image, lambda pixels: compiled(pixels[None])[0][0], f"openvino on {place.lower()}", card)
 
 
 def _load_onnxruntime(weights: Path, device: str, threads: int) -> Deployed:
@@ -149,10 +145,7 @@ def _load_onnxruntime(weights: Path, device: str, threads: int) -> Deployed:
     session = _read(weights, lambda p: onnxruntime.InferenceSession(p, options, [*providers, "CPUExecutionProvider"]))
     text = session.get_modelmeta().custom_metadata_map.get(METADATA, "")
     image, card = _described(text, weights, [each.shape for each in session.get_inputs()])
-
-    def run(pixels: Image) -> Image:
-        return session.run(None, {"image": pixels[None]})[0][0]
-
+    run = lambda pixels: session.run(None, {"image": pixels[None]})[0][0]  # noqa: E731
     return Deployed(image, run, f"onnxruntime on {'gpu' if use_gpu else 'cpu'}", card)
 
 

@@ -14,12 +14,6 @@ MAX_BODY = 200_000
 """Bytes that what the page says may have: a bulk decision names thousands of objects."""
 
 
-def _decide(session: Session, body: Body) -> dict[str, Any]:
-    named = _list(body, "tracks") if "tracks" in body else [body.get("track")]
-    session.decide([number(track) for track in named], str(body.get("verdict")))
-    return session.status()
-
-
 def _propose(session: Session, body: Body) -> dict[str, Any]:
     where: dict[str, Any]
     if "boxes" in body:
@@ -32,32 +26,26 @@ def _propose(session: Session, body: Body) -> dict[str, Any]:
     return session.propose(**where, is_glance=body.get("glance") is True)
 
 
+def _tracks(body: Body) -> list[int]:
+    return [number(track) for track in _list(body, "tracks")]
+
+
+def _decide(session: Session, body: Body) -> None:
+    tracks = _tracks(body) if "tracks" in body else [number(body.get("track"))]
+    session.decide(tracks, str(body.get("verdict")))
+
+
 def _accept(session: Session, body: Body) -> dict[str, Any]:
     first, last = (number(body.get(key), "a scan") for key in ("first", "last"))
-    return {"id": session.accept(first, last, str(body.get("verdict", "moving"))), **session.status()}
+    return {"id": session.accept(first, last, str(body.get("verdict", "moving")))}
 
 
 def _cut(session: Session, body: Body) -> dict[str, Any]:
-    return {"ids": session.cut(number(body.get("track")), number(body.get("index"), "a scan")), **session.status()}
+    return {"ids": session.cut(number(body.get("track")), number(body.get("index"), "a scan"))}
 
 
 def _split(session: Session, body: Body) -> dict[str, Any]:
-    made = session.split(number(body.get("track")), number(body.get("index"), "a scan"), _box(body.get("box")))
-    return {"ids": made, **session.status()}
-
-
-def _join(session: Session, body: Body) -> dict[str, Any]:
-    return {"id": session.join([number(track) for track in _list(body, "tracks")]), **session.status()}
-
-
-def _dismiss(session: Session, body: Body) -> dict[str, Any]:
-    session.dismiss(number(body.get("place"), "a place"))
-    return session.status()
-
-
-def _finish(session: Session, body: Body) -> dict[str, Any]:
-    session.finish()
-    return session.status()
+    return {"ids": session.split(number(body.get("track")), number(body.get("index"), "a scan"), _box(body.get("box")))}
 
 
 def _looking(session: Session) -> Looking:
@@ -82,17 +70,25 @@ ASKED: dict[str, Callable[[Session, Mapping[str, list[str]]], dict[str, Any]]] =
 }
 """What is asked (GET), given what stands in the address after the question mark."""
 
-SAID: dict[str, Callable[[Session, Body], dict[str, Any] | None]] = {
-    "decide": _decide,
+Say = Callable[[Session, Body], dict[str, Any] | None]
+
+
+def _with_status(say: Say) -> Say:
+    """Return what answers as `say` does, and with what has changed by it."""
+    return lambda session, body: {**(say(session, body) or {}), **session.status()}
+
+
+SAID: dict[str, Say] = {
+    "decide": _with_status(_decide),
     "propose": _propose,
     "ahead": lambda session, body: session.make_ahead([number(one, "a place") for one in _list(body, "places")]),
     "cancel": lambda session, body: session.proposals.cancel(),
-    "accept": _accept,
-    "cut": _cut,
-    "split": _split,
-    "join": _join,
-    "dismiss": _dismiss,
-    "finish": _finish,
+    "accept": _with_status(_accept),
+    "cut": _with_status(_cut),
+    "split": _with_status(_split),
+    "join": _with_status(lambda session, body: {"id": session.join(_tracks(body))}),
+    "dismiss": _with_status(lambda session, body: session.dismiss(number(body.get("place"), "a place"))),
+    "finish": _with_status(lambda session, body: session.finish()),
     "answer": lambda session, body: _looking(session).answer(_look(body), str(body.get("answer"))),
     "missed": _missed,
     "forget": lambda session, body: _looking(session).forget(_look(body)),
