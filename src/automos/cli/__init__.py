@@ -11,32 +11,16 @@ from typing import Annotated, NoReturn
 import typer
 from rich.text import Text
 
-from automos.cli.compare import compare_app
-from automos.cli.formats import formats_app
-from automos.cli.label import label_app
-from automos.cli.live import live_app
-from automos.cli.look import look_app
+from automos.cli import label, score, formats, look, compare, network, live, worlds  # isort: skip  # as help lists them
 from automos.cli.memory import require_memory, share_heap
-from automos.cli.network import network_app
-from automos.cli.options import console, on_this_machine, output, set_up_logging
-from automos.cli.score import score_app
-from automos.cli.worlds import worlds_app
+from automos.cli.options import app, console, on_this_machine, output, set_up_logging
 from automos.core.atomic import is_full
 from automos.core.errors import AutomosError, plain
 from automos.core.parallel import SAFE_PATH
 from automos.core.working_folder import OURS
 
-app = typer.Typer(
-    add_completion=False,
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode="rich",
-    help="Automatic moving/static labels for every point of a LiDAR recording.",
-)
-for group in (label_app, score_app, formats_app, look_app, compare_app, network_app, live_app, worlds_app):
-    for command in group.registered_commands:
-        command.callback = command.callback and on_this_machine(command.callback)
-    app.add_typer(group)
+for command in app.registered_commands:
+    command.callback = command.callback and on_this_machine(command.callback)
 
 
 def _print_version(wanted: bool) -> None:

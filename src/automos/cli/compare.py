@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from automos.cli.options import Calib, Format, Poses, Recording, Workers, chosen_settings, console, named, output
+from automos.cli.options import Calib, Format, Poses, Recording, Workers, app, console, output, pair, read_settings
 from automos.core.atomic import held
 from automos.core.errors import InputError
 
@@ -18,13 +18,11 @@ if TYPE_CHECKING:
     from automos.core.run import Progress
     from automos.core.scan import Sequence
 
-compare_app = typer.Typer()
-
 Out = Annotated[Path | None, typer.Option(help="folder for labels, tables and pictures; a second run continues there")]
 Overrides = Annotated[list[str] | None, typer.Option("--set", help="one setting, tracking.max_gap=0.5, ...")]
 
 
-@compare_app.command()
+@app.command()
 def compare(
     recording: Recording,
     methods: Annotated[list[str] | None, typer.Option("--method", help="a method; repeatable; default: all")] = None,
@@ -67,7 +65,7 @@ def compare(
     chosen = choose_methods(methods)
     file = None if poses in ("own", "shared") else Path(poses)
     usage = "give a name and a folder of .label files, as 4DMOS=results/4dmos/08"
-    others = {name: Path(folder) for name, folder in named(predictions, "--predictions", usage).items()}
+    others = {name: Path(folder) for name, folder in pair(predictions, "--predictions", usage).items()}
     more = {"repeats": repeat, "predictions": others, "workers": workers}
     sequence = open_sequence(recording, format)
     folder = out or Path("automos_compare") / sequence.name
@@ -80,7 +78,7 @@ def compare(
             output.print(path)
 
 
-@compare_app.command("map")
+@app.command("map")
 def make_map(
     recording: Annotated[Path, typer.Argument(help="a recording, or a results folder: its labels as corrected")],
     moved: Annotated[Path | None, typer.Argument(help="of results: the recording, if it is elsewhere now")] = None,
@@ -121,7 +119,7 @@ def make_map(
             raise InputError(f"{recording} holds labels and poses: leave --method, --poses and --calib out")
         run = open_run(recording, moved, format)
         folder = out or place / run.sequence.name
-        settings = chosen_settings(None, overrides).map
+        settings = read_settings(None, overrides).map
         with held(folder):
             _write(run.frames, run.sequence, run.labels, folder, wanted, settings)
         return

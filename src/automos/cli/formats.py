@@ -11,15 +11,13 @@ from typing import Annotated
 import typer
 from rich.table import Column, Table
 
-from automos.cli.options import Format, Moved, Results, named, output, progress_of
+from automos.cli.options import Format, Moved, Results, app, output, pair, progress_of
 from automos.core.errors import InputError
-
-formats_app = typer.Typer()
 
 Recording = Annotated[Path, typer.Argument(help="the recording that the results were made from")]
 
 
-@formats_app.command()
+@app.command()
 def formats() -> None:
     """List the formats that can be read and written, and what each needs."""
     from automos.core.extras import pip_install
@@ -48,7 +46,7 @@ def _table(title: str, *headings: str) -> Table:
     return Table(*columns, title=title, title_justify="left")
 
 
-@formats_app.command()
+@app.command()
 def export(
     results: Results,
     to: Annotated[str, typer.Option(help="the format to write; automos formats lists all")],
@@ -81,7 +79,7 @@ def export(
             output.print(written)
 
 
-@formats_app.command()
+@app.command()
 def merge(
     results: Results,
     recording: Recording,
@@ -102,7 +100,7 @@ def merge(
     output.print(f"{merged.summary()}\nmerged results in {out or results / 'merged'}")
 
 
-@formats_app.command()
+@app.command()
 def dataset(
     results: Annotated[list[Path], typer.Argument(help="results folders of automos label")],
     out: Annotated[Path, typer.Option(help="folder of the data set; a new one, or one that this command began")],
@@ -132,7 +130,7 @@ def dataset(
     if len(places) != len(results):
         raise InputError(f"{len(places)} --recordings for {len(results)} results folders: give one for each")
     extras = Extras(_numbers(residuals), boxes)
-    splits = named(split, "--split", "write SPLIT=NAME, as in valid=drive_7", key=1)
+    splits = pair(split, "--split", "write SPLIT=NAME, as in valid=drive_7", key=1)
     with progress_of("dataset") as progress:
         pairs = zip(results, places, strict=True)
         runs = [open_run(folder, place, format, progress, deskewed=True) for folder, place in pairs]
@@ -141,7 +139,7 @@ def dataset(
         output.print(sentence, markup=False)
 
 
-@formats_app.command()
+@app.command()
 def clean(
     results: Results,
     out: Annotated[Path, typer.Option(help="folder to write to; a new one, or one that this command began")],

@@ -18,10 +18,11 @@ from automos.cli.options import (
     Recordings,
     SettingsFile,
     Workers,
-    chosen_settings,
+    app,
     console,
     output,
     progress_of,
+    read_settings,
 )
 from automos.core.errors import InputError
 
@@ -30,13 +31,11 @@ if TYPE_CHECKING:
     from automos.fleet.sources import Recording, Shard
     from automos.settings import Settings
 
-label_app = typer.Typer()
-
 NOT_ALL = 3
 """Exit code of a run that labelled some recordings and not others."""
 
 
-@label_app.command()
+@app.command()
 def label(
     recording: Recordings,
     out: Annotated[str | None, typer.Option(help="results folder or URL; default: automos_runs/NAME")] = None,
@@ -80,7 +79,7 @@ def label(
     from automos.labeling import require_poses_of_one
 
     options = {"recording.rate": rate, "labels.moving": moving, "labels.unsure": unsure}
-    chosen = chosen_settings(settings, set_, {**options, "output.confidence": confidence or None}, preset)
+    chosen = read_settings(settings, set_, {**options, "output.confidence": confidence or None}, preset)
     part, files = parse_shard(shard), (poses, calib, overwrite)
     found = alone(find_all(recording, format), part, out)
     target = out or f"automos_runs/{found[0].name if len(found) == 1 else name_of(recording)}"
@@ -135,7 +134,7 @@ def _label_all(found: list[Recording], name: str, target: str, part: Shard | Non
         raise typer.Exit(NOT_ALL)
 
 
-@label_app.command()
+@app.command()
 def status(
     run: Annotated[str, typer.Argument(help="the --out of automos label over several recordings")],
     as_json: Annotated[bool, typer.Option("--json", help="print the whole ledger as JSON")] = False,
@@ -147,9 +146,9 @@ def status(
     output.print(found.to_json() if as_json else "\n".join(found.lines()))
 
 
-@label_app.command("settings")
+@app.command("settings")
 def show_settings(preset: Preset = "default", settings: SettingsFile = None, set_: Overrides = None) -> None:
     """Print all settings as YAML; the output is a settings file."""
     from automos.settings import dump_yaml
 
-    output.print(dump_yaml(chosen_settings(settings, set_, preset=preset)), end="")
+    output.print(dump_yaml(read_settings(settings, set_, preset=preset)), end="")

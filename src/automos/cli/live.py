@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
-from automos.cli.options import Format, Lag, Overrides, Rate, SettingsFile, chosen_settings, console, output
+from automos.cli.options import Format, Lag, Overrides, Rate, SettingsFile, app, console, output, read_settings
 from automos.core.errors import plain
 
 if TYPE_CHECKING:
@@ -20,10 +20,8 @@ if TYPE_CHECKING:
     from automos.live.run import Sink, Tally
     from automos.settings import Settings
 
-live_app = typer.Typer()
 
-
-@live_app.command()
+@app.command()
 def live(
     source: Annotated[str, typer.Argument(help="udp://HOST:PORT of a sensor's packets, or a recording to replay")],
     sensor: Annotated[str | None, typer.Option(help="its manufacturer: velodyne or ouster")] = None,
@@ -60,7 +58,7 @@ def live(
     from automos.live.segment import results_writer
     from automos.live.udp import parse_address
 
-    chosen = chosen_settings(settings, set_, {"recording.rate": rate})
+    chosen = read_settings(settings, set_, {"recording.rate": rate})
     feed = open_feed(source, sensor, metadata, speed, timeout, format)
     names: list[str] = []
     with ExitStack() as stack:
@@ -138,7 +136,7 @@ class _Line:
             self._next = time.monotonic() + self.EVERY * (tally.labelled > 0)
 
 
-@live_app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})
+@app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})
 def ros2(
     ctx: typer.Context,
     lag: Lag = 0.0,
@@ -159,7 +157,7 @@ def ros2(
     from automos.live.ros2.publishing import Publisher
     from automos.live.run import run_live
 
-    chosen = chosen_settings(settings, set_)
+    chosen = read_settings(settings, set_)
     feed = RosFeed(ctx.args)
     try:
         publish = Publisher(feed)

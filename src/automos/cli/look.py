@@ -6,14 +6,12 @@ from typing import Annotated
 
 import typer
 
-from automos.cli.options import Format, Moved, console, output, progress_of
-
-look_app = typer.Typer()
+from automos.cli.options import Format, Moved, app, console, output, progress_of
 
 Run = Annotated[Path, typer.Argument(metavar="RUN", help="a results folder of automos label")]
 
 
-@look_app.command()
+@app.command()
 def report(
     results: Run,
     recording: Moved = None,
@@ -30,7 +28,7 @@ def report(
     output.print(path)
 
 
-@look_app.command()
+@app.command()
 def review(
     results: Run,
     recording: Moved = None,
@@ -74,7 +72,7 @@ def review(
             session.close()
 
 
-@look_app.command()
+@app.command()
 def view(
     results: Run,
     recording: Moved = None,

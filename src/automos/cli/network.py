@@ -5,17 +5,15 @@ from typing import Annotated, Any
 
 import typer
 
-from automos.cli.options import Format, Recording, SettingsFile, chosen_settings, console, named, output, progress_of
+from automos.cli.options import Format, Recording, SettingsFile, app, console, output, pair, progress_of, read_settings
 from automos.core.errors import InputError
-
-network_app = typer.Typer()
 
 Overrides = Annotated[list[str] | None, typer.Option("--set", help="one setting, e.g. network.model.channels=8")]
 Device = Annotated[str, typer.Option(help="auto, cpu or gpu")]
 Sources = list[str]
 
 
-@network_app.command()
+@app.command()
 def train(
     data: Annotated[Sources, typer.Option(help="RECORDING with labels of its own, or RECORDING=RESULTS; repeatable")],
     out: Annotated[Path, typer.Option(help="folder for the network and its logs")] = Path("automos_network"),
@@ -53,7 +51,7 @@ def train(
     if not held_out and len(sources) > 1:
         held_out = [sources.pop()]
     together = TrainingData((*sources, *map(Source.parse, extra or [])), tuple(held_out))
-    chosen = chosen_settings(settings, set_)
+    chosen = read_settings(settings, set_)
     init = shipped(".pt") if init == Path("shipped") else init
     console.print(device_note(device))
     with progress_of("train") as progress:
@@ -62,7 +60,7 @@ def train(
     output.print(f"IoU of the moving class {100 * best.card['validation_iou']:.1f} % on validation\n{out}/best.pt")
 
 
-@network_app.command()
+@app.command()
 def segment(
     recording: Recording,
     lag: Annotated[float, typer.Option(help="seconds by which labels may come later than their scan")] = 0.0,
@@ -111,7 +109,7 @@ def segment(
         )
     if uses_network and lag > 0.0:
         raise InputError("the network labels each scan immediately: leave --lag out, or take --method evidence")
-    chosen = chosen_settings(settings, set_)
+    chosen = read_settings(settings, set_)
     recordings = open_recordings(recording, format)
     folders = results_folders(recordings, out, Path("automos_segmented"))
     way: Any = by_evidence
@@ -124,7 +122,7 @@ def segment(
         output.print(way.summary(run, folder))
 
 
-@network_app.command("export-network")
+@app.command("export-network")
 def export_network(
     weights: Annotated[Path, typer.Argument(help="checkpoint (.pt)")],
     out: Annotated[Path | None, typer.Option(help="file to write; default: beside the checkpoint")] = None,
@@ -141,7 +139,7 @@ def export_network(
     output.print(f"{path}\nlargest difference to the checkpoint: {difference:.1e}")
 
 
-@network_app.command()
+@app.command()
 def reproduce(
     experiment: Annotated[str, typer.Argument(help="table2, table3 (with the curve of Fig. 3), or network")],
     out: Annotated[Path, typer.Option(help="folder of the experiment; interrupted, it continues")] = Path("reproduced"),
@@ -182,14 +180,14 @@ def reproduce(
     given = _data(train, validation, test, extra)
     console.print(device_note(device))
     base = SIZES[experiment][full]
-    chosen, tuning = (chosen_settings(settings, set_, given) for given in (base, {**base, **TUNING}))
+    chosen, tuning = (read_settings(settings, set_, given) for given in (base, {**base, **TUNING}))
     with progress_of(experiment) as progress:
         work = Experiment(out, chosen, tuning, device, progress)
         home = given or work.simulated(DOMAINS["S" if experiment == "network" else "K"])
         if experiment == "network":
             rows = many_sensors(work, home)
         elif experiment == "table2":
-            others = named(predictions, "--predictions", "write --predictions NAME=FOLDER")
+            others = pair(predictions, "--predictions", "write --predictions NAME=FOLDER")
             rows = table_two(work, home, {name: Path(folder) for name, folder in others.items()})
         else:
             away = _data(away_train, away_validation, away_test, None) or work.simulated(DOMAINS["A"])

@@ -30,6 +30,13 @@ class PlainConsole(Console):
         super().print(*(plain(str(each)) if isinstance(each, str | Path) else each for each in objects), **options)
 
 
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    help="Automatic moving/static labels for every point of a LiDAR recording.",
+)
 console = PlainConsole(stderr=True)
 output = PlainConsole(highlight=False, markup=False, soft_wrap=True)
 
@@ -91,7 +98,7 @@ Calib = Annotated[Path | None, typer.Option(help="calib.txt with Tr:, if the pos
 Workers = Annotated[int, typer.Option(min=0, help="processes; 0: one per core")]
 
 
-def chosen_settings(
+def read_settings(
     file: Path | None, overrides: list[str] | None, given: Mapping[str, Any] | None = None, preset: str = "default"
 ) -> Settings:
     """Return a preset, changed by a file, then by `given`, options that are settings or None, then by overrides."""
@@ -108,7 +115,7 @@ def progress_of(title: str, counted: str = "scans") -> StageProgress:
     return StageProgress(console, title, counted)
 
 
-def named(given: list[str] | None, option: str, usage: str, key: int = 0) -> dict[str, str]:
+def pair(given: list[str] | None, option: str, usage: str, key: int = 0) -> dict[str, str]:
     """Return texts like NAME=VALUE as a dictionary; `key` says which half is one thing's alone: 0, or 1 the second."""
     found: dict[str, str] = {}
     for text in given or []:

@@ -7,12 +7,10 @@ from typing import Annotated
 
 import typer
 
-from automos.cli.options import Format, Recording, output
-
-score_app = typer.Typer()
+from automos.cli.options import Format, Recording, app, output
 
 
-@score_app.command()
+@app.command()
 def check(
     recording: Recording,
     format: Format = None,
@@ -46,7 +44,7 @@ def check(
     raise typer.Exit(max(one.exit_code for one in found))
 
 
-@score_app.command()
+@app.command()
 def evaluate(
     predictions: Annotated[Path, typer.Argument(help="a results folder, or a folder of .label files")],
     recording: Recording,
@@ -83,7 +81,7 @@ def evaluate(
         write_text(json_file, json.dumps(scores, indent=2, allow_nan=False) + "\n")
 
 
-@score_app.command()
+@app.command()
 def drift(
     estimate: Annotated[Path, typer.Argument(help="poses.txt or poses.tum of a run")],
     reference: Annotated[Path, typer.Argument(help="reference poses of the same scans: KITTI or TUM")],

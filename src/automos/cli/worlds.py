@@ -5,13 +5,11 @@ from typing import Annotated
 
 import typer
 
-from automos.cli.options import Preset, chosen_settings, console, output, progress_of
+from automos.cli.options import Preset, app, console, output, progress_of, read_settings
 from automos.core.errors import InputError
 
-worlds_app = typer.Typer()
 
-
-@worlds_app.command()
+@app.command()
 def demo(
     out: Annotated[Path, typer.Option(help="folder for the picture and the report")] = Path("automos_demo"),
     preset: Preset = "default",
@@ -21,14 +19,14 @@ def demo(
     from automos.compiling import SHARES, compiling_beside
 
     with compiling_beside(console.print, SHARES), progress_of("street") as progress:
-        made = run_demo(out, chosen_settings(None, None, preset=preset), progress)
+        made = run_demo(out, read_settings(None, None, preset=preset), progress)
     output.print(
         f"IoU of the moving class {100 * made.scores.iou:.1f} % (precision {100 * made.scores.precision:.1f} %, "
         f"recall {100 * made.scores.recall:.1f} %)\npicture: {made.picture}\nreport:  {made.report}"
     )
 
 
-@worlds_app.command()
+@app.command()
 def simulate(
     out: Annotated[Path, typer.Argument(help="folder to write the recording into")],
     scenario: Annotated[str, typer.Option(help="the world; an unknown name lists all")] = "city",
