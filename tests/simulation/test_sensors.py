@@ -33,7 +33,7 @@ def test_beams_are_unit_vectors_fired_in_time_order(name):
     assert np.all(np.diff(pattern.phase) >= 0)
     assert pattern.phase.min() >= -0.5
     assert pattern.phase.max() < 0.5
-    assert np.array_equal(np.sort(pattern.by_sector), np.arange(len(pattern.ring)))
+    assert np.array_equal(np.sort(pattern.by_sector[0]), np.arange(len(pattern.ring)))
 
 
 @pytest.mark.parametrize("name", PUBLISHED)

@@ -6,7 +6,7 @@ object made by a person takes its points from any other object.
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from automos.core.errors import InputError
 from automos.core.labels import Label
-from automos.core.scan import Frame, Pose, Sequence
+from automos.core.scan import Frame, Sequence
 from automos.core.stages import Stage
 from automos.core.workspace import Workspace, require_same
 from automos.objects.detections import Detections
@@ -35,7 +35,10 @@ CACHED_BITS = 4000
 
 
 class RunStages:
-    """The results of all stages in a results folder, with the recording they were made from."""
+    """The results of all stages in a results folder, with the recording they were made from.
+
+    T_level_sensor : (N, 4, 4) where the sensor was at each scan.
+    """
 
     def __init__(self, folder: Path, sequence: Sequence):
         """Take the folder and the recording.
@@ -62,6 +65,7 @@ class RunStages:
                 f"{folder} is of {len(self.trajectory)} scans, but {sequence.name} has {len(sequence)}; give the "
                 "recording it was made from"
             )
+        self.T_level_sensor = self.trajectory.T_level_sensor
         self.objects = TrackedObjects.from_arrays(self.stage("tracking").load("all"))
         self.tracks, self.verdicts = self.objects.tracks, self.objects.verdicts
         self.frames = _CachedFrames(self, sequence)
@@ -98,11 +102,6 @@ class RunStages:
         """Return (K, 3) the points of scan `index`, as the recording has it, that are its `rows`; level frame."""
         frame = self.frame(index)
         return frame.points_level[np.searchsorted(frame.kept, rows)]
-
-    @cached_property
-    def T_level_sensor(self) -> Pose:
-        """(N, 4, 4) where the sensor was at each scan."""
-        return self.trajectory.T_level_sensor
 
     def verdict(self, track: int) -> str:
         """Return what the pipeline found of `track` (index, from 0): "moving", "static" or "unknown"."""

@@ -79,7 +79,7 @@ class Caster:
         drift = float(np.linalg.norm(T_site_sensor[[0, -1], :3, 3] - T_middle[:3, 3], axis=1).max())
         for body in self._bodies(*times):
             where = _around(body, T_middle, drift)
-            rows = _near(pattern.by_sector, pattern.sector_starts, origin, direction, hits.distance, *where)
+            rows = _near(*pattern.by_sector, origin, direction, hits.distance, *where)
             if len(rows):
                 own_origin, own = np.empty((2, len(rows), 3), np.float32)
                 _into_body(origin, direction, pattern.phase, rows, body.start, body.end, own_origin, own)
@@ -152,23 +152,18 @@ def _near(by_sector, starts, origins, directions, distance, first, n_sectors, ce
 
 @kernel
 def _into_body(origins, directions, phase, rows, start, end, local_origins, local_directions):  # type: ignore[no-untyped-def]
+    state = np.empty(6)
     for j in range(len(rows)):
         i = rows[j]
-        u = phase[i] + 0.5
-        yaw = start[3] + u * (end[3] - start[3])
-        pitch = start[4] + u * (end[4] - start[4])
-        roll = start[5] + u * (end[5] - start[5])
+        for k in range(6):
+            state[k] = start[k] + (phase[i] + 0.5) * (end[k] - start[k])
+        _, _, _, yaw, pitch, roll = state
         cy, sy, cp, sp, cr, sr = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch), np.cos(roll), np.sin(roll)
-        x = origins[i, 0] - (start[0] + u * (end[0] - start[0]))
-        y = origins[i, 1] - (start[1] + u * (end[1] - start[1]))
-        z = origins[i, 2] - (start[2] + u * (end[2] - start[2]))
-        a, b, c = directions[i, 0], directions[i, 1], directions[i, 2]
-        m00, m01, m02 = cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr
-        m10, m11, m12 = sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr
-        m20, m21, m22 = -sp, cp * sr, cp * cr
-        local_origins[j, 0] = m00 * x + m10 * y + m20 * z
-        local_origins[j, 1] = m01 * x + m11 * y + m21 * z
-        local_origins[j, 2] = m02 * x + m12 * y + m22 * z
-        local_directions[j, 0] = m00 * a + m10 * b + m20 * c
-        local_directions[j, 1] = m01 * a + m11 * b + m21 * c
-        local_directions[j, 2] = m02 * a + m12 * b + m22 * c
+        x, y, z = origins[i, 0] - state[0], origins[i, 1] - state[1], origins[i, 2] - state[2]
+        a, b, c = directions[i]
+        forward = cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr
+        left = sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr
+        up = -sp, cp * sr, cp * cr
+        for k in range(3):
+            local_origins[j, k] = forward[k] * x + left[k] * y + up[k] * z
+            local_directions[j, k] = forward[k] * a + left[k] * b + up[k] * c

@@ -105,19 +105,15 @@ class Pattern:
     column: npt.NDArray[np.int32]
 
     @cached_property
-    def _sectors(self) -> npt.NDArray[np.int64]:
-        azimuth = np.arctan2(self.direction[:, 1], self.direction[:, 0])
-        return np.floor(azimuth / (2.0 * np.pi) * SECTORS).astype(np.int64) % SECTORS
+    def by_sector(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        """Rows sorted by the sector of azimuth they point into, (N,), and where each sector's start, (SECTORS + 1,).
 
-    @cached_property
-    def by_sector(self) -> npt.NDArray[np.int64]:
-        """(N,) rows sorted by the sector of azimuth they point into, 0 from azimuth 0 on, counter-clockwise."""
-        return np.argsort(self._sectors, kind="stable")
-
-    @cached_property
-    def sector_starts(self) -> npt.NDArray[np.int64]:
-        """(SECTORS + 1,) where each sector's rows start in `by_sector`."""
-        return np.concatenate([[0], np.cumsum(np.bincount(self._sectors, minlength=SECTORS))])
+        Sectors go from azimuth 0 on, counter-clockwise.
+        """
+        turn = np.arctan2(self.direction[:, 1], self.direction[:, 0]) / (2.0 * np.pi)
+        sector = np.floor(turn * SECTORS).astype(np.int64) % SECTORS
+        starts = np.cumsum(np.bincount(sector, minlength=SECTORS))
+        return np.argsort(sector, kind="stable"), np.concatenate([[0], starts])
 
 
 PRISMS = (7294.0 / 60.0, -4664.0 / 60.0)
