@@ -23,13 +23,12 @@ class Part:
 
 @dataclass(frozen=True)
 class Domain:
-    """One data set: `extra` has no manual labels; `validation` chooses the epoch; `test` is only scored."""
+    """One data set: `validation` chooses the epoch; `test` is only scored; `extra` has no manual labels."""
 
-    name: str
     train: Part
-    extra: Part
     validation: Part
     test: Part
+    extra: Part = Part(())
 
 
 def _of_one_sensor(sensor: str, text: str) -> Part:
@@ -50,25 +49,18 @@ def _of_many_sensors(numbers: range, seed: int) -> Part:
 
 DOMAINS = {
     "K": Domain(
-        "K",
         _of_one_sensor("HDL-64E", "city 30 31, junction 30, avenue 30, campus 30"),
-        _of_one_sensor("HDL-64E", "city 32 33 34, junction 31 32, avenue 31 32, campus 31, slowdown 31, narrow 31"),
         _of_one_sensor("HDL-64E", "city 40, junction 40"),
         _of_one_sensor("HDL-64E", "city 50 51, junction 50, avenue 50"),
+        _of_one_sensor("HDL-64E", "city 32 33 34, junction 31 32, avenue 31 32, campus 31, slowdown 31, narrow 31"),
     ),
     "A": Domain(
-        "A",
         _of_one_sensor("OS1-64", "scooters 30 31, hills 30 31, slowdown 30"),
-        Part(()),
         _of_one_sensor("OS1-64", "scooters 40, hills 40"),
         _of_one_sensor("OS1-64", "scooters 50, hills 50, slowdown 50"),
     ),
     "S": Domain(
-        "S",
-        _of_many_sensors(range(60), 320),
-        Part(()),
-        _of_many_sensors(range(9), 340),
-        _of_many_sensors(range(20, 29), 350),
+        _of_many_sensors(range(60), 320), _of_many_sensors(range(9), 340), _of_many_sensors(range(20, 29), 350)
     ),
 }
 
