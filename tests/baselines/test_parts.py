@@ -10,9 +10,10 @@ from automos.baselines.batches import BatchSize, add_points, cut_batches, labels
 from automos.baselines.height_images import HeightImages, find_edges, find_ground
 from automos.baselines.hmm_mos import otsu_threshold
 from automos.baselines.methods import BASELINES
-from automos.baselines.range_image import image_shape, nearest_ranges, pixel_of, shortest_around
+from automos.baselines.range_image import image_shape, nearest_ranges, pixel_of
 from automos.baselines.regions import grow_regions
 from automos.core.errors import MissingExtraError
+from automos.core.range_image import over_neighbours
 from automos.core.scan import Frame
 from automos.core.voxel_map import VoxelMap
 from automos.settings import load_settings
@@ -64,8 +65,9 @@ def test_the_nearest_point_of_a_pixel_counts_and_windows_go_round():
     assert image[v, last] == pytest.approx(5.0, abs=0.01)
     assert image[v, first] == pytest.approx(7.0, abs=0.01)
     assert np.isinf(image[0]).all()
-    assert shortest_around(image, 0, 1)[v, first] == pytest.approx(5.0, abs=0.01)
-    assert shortest_around(image, 1, 0)[v + 1, first] == pytest.approx(7.0, abs=0.01)
+    around = over_neighbours(image, np.minimum)
+    assert around[v, [first, 2]] == pytest.approx([5.0, np.inf], abs=0.01)
+    assert around[v + 1, [first, first + 1]] == pytest.approx([5.0, 7.0], abs=0.01)
 
 
 # -------------------------------------------------------------------------------------------------- height images

@@ -38,7 +38,6 @@ def _baselines(points: np.ndarray) -> None:
     height_images.find_ground(points, height_images.HeightImages(reach=4.0))
     shape = range_image.image_shape(2.0, 4.0, -60.0, 60.0)
     seen = range_image.nearest_ranges(points, shape)
-    range_image.shortest_around(seen, 1, 1)
     for T in (np.eye(4, dtype=np.float32)[:3], np.resize(points, (3, 4))):
         for only_nearest in (False, True):
             removert._mark_seen_through(points, T, seen, shape, 80.0, 0.1, only_nearest, is_member.copy())

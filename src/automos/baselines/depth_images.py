@@ -5,9 +5,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from automos.baselines.range_image import ImageShape, nearest_ranges, pixel_of, shortest_around
+from automos.baselines.range_image import ImageShape, nearest_ranges, pixel_of
 from automos.core.cells import moved, turn_of, whole_below
 from automos.core.kernels import kernel
+from automos.core.range_image import over_neighbours
 from automos.core.scan import Mask, Pose
 
 _FULL_TURN = np.float32(2.0 * np.pi)
@@ -57,7 +58,7 @@ class Window(NamedTuple):
 def draw(points: npt.NDArray, is_moving: Mask, pose: Pose, stamp: float, shape: ImageShape) -> DepthImage:
     """Return the depth image of `points` (M, 3), sensor frame; those outside `shape` are left out."""
     start, rays = _sort_into_pixels(points, is_moving, shape)
-    return DepthImage(pose, stamp, start, rays, shortest_around(nearest_ranges(points, shape), 1, 1))
+    return DepthImage(pose, stamp, start, rays, over_neighbours(nearest_ranges(points, shape), np.minimum))
 
 
 def stack(images: list[DepthImage]) -> Stack:

@@ -3,16 +3,12 @@
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
-from scipy.ndimage import minimum_filter1d
 
 from automos.core.arrays import evenly_spread
 from automos.core.beam_pattern import BeamPattern, learn_pattern
 from automos.core.cells import turn_of
 from automos.core.kernels import kernel
 from automos.core.scan import Frames
-
-Image = npt.NDArray[np.float32]
 
 NOTHING = np.float32(np.inf)
 
@@ -86,9 +82,3 @@ def nearest_ranges(points, shape):  # type: ignore[no-untyped-def]
         if v >= 0:
             image[v, u] = min(image[v, u], r)
     return image
-
-
-def shortest_around(image: Image, rows: int, columns: int) -> Image:
-    """Return the shortest range within `rows` above and below and `columns` to both sides, which go round."""
-    upright = minimum_filter1d(image, 2 * rows + 1, axis=0, mode="nearest")
-    return minimum_filter1d(upright, 2 * columns + 1, axis=1, mode="wrap")

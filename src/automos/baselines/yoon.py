@@ -14,10 +14,11 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from automos.baselines.batches import is_within, scans_at
-from automos.baselines.range_image import NOTHING, ImageShape, nearest_ranges, pixel_of, shape_for, shortest_around
+from automos.baselines.range_image import NOTHING, ImageShape, nearest_ranges, pixel_of, shape_for
 from automos.baselines.regions import grow_regions
 from automos.core.geometry import inverse, transform
 from automos.core.kernels import kernel
+from automos.core.range_image import over_neighbours
 from automos.core.scan import Frame, Frames, Mask
 from automos.evidence.ground import find_ground
 from automos.settings import GroundSettings
@@ -90,7 +91,7 @@ def find_moving(
 
 
 def _look(frame: Frame, shape: ImageShape) -> _Seen:
-    return _Seen(frame, cKDTree(frame.points_level), shortest_around(nearest_ranges(frame.points, shape), 1, 1))
+    return _Seen(frame, cKDTree(frame.points_level), over_neighbours(nearest_ranges(frame.points, shape), np.minimum))
 
 
 def _find_changed(frame: Frame, other: _Seen, shape: ImageShape, parameters: Parameters) -> Mask:
