@@ -1,6 +1,5 @@
 """`automos segment`: labels a recording online, as on a robot, with results like those of `automos label`."""
 
-import json
 import time
 from array import array
 from collections.abc import Iterator
@@ -12,11 +11,10 @@ from typing import Any
 import numpy as np
 
 from automos import __version__
-from automos.core.atomic import write_text
 from automos.core.geometry import inverse
 from automos.core.run import Progress
 from automos.core.scan import Scan, Sequence
-from automos.core.workspace import RUN_FILE
+from automos.core.workspace import write_run
 from automos.labeler import Labeler, LabelledScan
 from automos.odometry.sweep_timing import SweepTiming
 from automos.odometry.trajectory import Trajectory
@@ -67,7 +65,7 @@ class ResultsWriter:
         write_tables(self._folder, trajectory, self._settings, self._written, self._entries())
         tracks = {"total": len(self._objects), "moving": len(self._objects)}
         run = {**note, "points": self._counts, "tracks": tracks, "versions": {"automos": __version__}}
-        write_text(self._folder / RUN_FILE, json.dumps(run, indent=1))
+        write_run(self._folder, run)
         return run
 
     def _entries(self) -> Iterator[dict[str, Any]]:
