@@ -17,6 +17,16 @@ Order = Literal["file", "time", "ring", "random"]
 Times = Literal["none", "relative", "absolute", "milliseconds", "backwards", "constant", "nan", "too long"]
 Reference = Literal["raw", "start", "middle", "end"]
 
+Rows = npt.NDArray[np.int64]
+
+PACKETS = 150
+"""A turn's."""
+FAULTY_SCANS = 0.3
+"""Share of scans that lack a sector, where some do."""
+SPECK_RANGE = (1.0, 20.0)
+"""Metres from the sensor at which specks fly."""
+_COLUMNS = ("points", "intensity", "time", "ring", "sensor")
+
 
 class Convention(BaseModel):
     """How a recorder keeps a recording.
@@ -106,6 +116,57 @@ class Convention(BaseModel):
         changed = ((name, value) for name, value in self if value != type(self).model_fields[name].default)
         return ", ".join(f"{name}={value}" for name, value in changed) or "plain"
 
+    def kept_cuts(self, n_cuts: int) -> Rows:
+        """Return the numbers of the cuts that are kept as scans, in the order in which they are kept."""
+        cuts = np.arange(0, n_cuts, self.every)
+        if self.leave_out:
+            cuts = cuts[(np.arange(len(cuts)) + 1) % self.leave_out != 0]
+        if self.double:
+            cuts = np.repeat(cuts, np.where((np.arange(len(cuts)) + 1) % self.double == 0, 2, 1))
+        if self.renumbered:
+            cuts = cuts[sorted(range(len(cuts)), key=str)]
+        return cuts
+
+    def kept_rows(self, scan: Scan, when: npt.NDArray[np.float64], rng: np.random.Generator) -> Rows:
+        """Return the rows of `scan` that are kept, in the order in which they are.
+
+        when : (N,) turns at which they were measured.
+        """
+        keep = np.ones(len(scan), bool)
+        if self.lost_packets:
+            packet = ((when - when.min(initial=0.0)) * PACKETS).astype(np.int64)
+            keep &= rng.random(packet.max(initial=0) + 1)[packet] >= self.lost_packets
+        if self.beams > 1 and scan.ring is not None:
+            keep &= scan.ring % self.beams == 0
+        azimuth = np.degrees(np.arctan2(scan.points[:, 1], scan.points[:, 0]))
+        keep &= np.abs(azimuth) <= 0.5 * self.field_of_view
+        if self.lost_sector and rng.random() < FAULTY_SCANS:
+            keep &= (azimuth - rng.uniform(0.0, 360.0)) % 360.0 >= self.lost_sector
+        rows = np.flatnonzero(keep)
+        if self.order == "random":
+            return rng.permutation(rows)
+        if self.order == "time":
+            return rows[np.argsort(when[rows], kind="stable")]
+        if self.order == "ring" and scan.ring is not None:
+            return rows[np.lexsort((when[rows], scan.ring[rows]))]
+        return rows
+
+    def times_in_file(self, clock: npt.NDArray[np.float64]) -> npt.NDArray[np.float32] | None:
+        """Return what a reader takes for the times (N,) of points, from the scan's first on.
+
+        clock : (N,) seconds at which they were measured.
+        """
+        if self.times == "none" or len(clock) == 0:
+            return None
+        seconds = clock - clock.min()
+        wrong = {
+            "backwards": seconds.max() - seconds,
+            "constant": np.zeros_like(seconds),
+            "nan": np.full_like(seconds, np.nan),
+            "too long": 2.0 * seconds,
+        }
+        return wrong.get(self.times, seconds).astype(np.float32)
+
 
 def _sentence(error: ValidationError) -> str:
     """Return the first problem of `error` as a sentence."""
@@ -120,65 +181,6 @@ def hint(name: str, known: Iterable[str]) -> str:
     """Return what somebody may have meant who wrote `name`, in parentheses; nothing where nothing is near."""
     near = get_close_matches(name, list(known), 1)
     return f" (did you mean {near[0]}?)" if near else ""
-
-
-Rows = npt.NDArray[np.int64]
-
-PACKETS = 150
-"""A turn's."""
-FAULTY_SCANS = 0.3
-"""Share of scans that lack a sector, where some do."""
-SPECK_RANGE = (1.0, 20.0)
-"""Metres from the sensor at which specks fly."""
-_COLUMNS = ("points", "intensity", "time", "ring", "sensor")
-
-
-def kept_cuts(n_cuts: int, about: Convention) -> Rows:
-    """Return the numbers of the cuts that are kept as scans, in the order in which they are kept."""
-    cuts = np.arange(0, n_cuts, about.every)
-    if about.leave_out:
-        cuts = cuts[(np.arange(len(cuts)) + 1) % about.leave_out != 0]
-    if about.double:
-        cuts = np.repeat(cuts, np.where((np.arange(len(cuts)) + 1) % about.double == 0, 2, 1))
-    if about.renumbered:
-        cuts = cuts[sorted(range(len(cuts)), key=str)]
-    return cuts
-
-
-def kept_rows(scan: Scan, when: npt.NDArray[np.float64], about: Convention, rng: np.random.Generator) -> Rows:
-    """Return the rows of `scan` that are kept, in the order in which they are; `when` (N,) turns they were measured."""
-    keep = np.ones(len(scan), bool)
-    if about.lost_packets:
-        packet = ((when - when.min(initial=0.0)) * PACKETS).astype(np.int64)
-        keep &= rng.random(packet.max(initial=0) + 1)[packet] >= about.lost_packets
-    if about.beams > 1 and scan.ring is not None:
-        keep &= scan.ring % about.beams == 0
-    azimuth = np.degrees(np.arctan2(scan.points[:, 1], scan.points[:, 0]))
-    keep &= np.abs(azimuth) <= 0.5 * about.field_of_view
-    if about.lost_sector and rng.random() < FAULTY_SCANS:
-        keep &= (azimuth - rng.uniform(0.0, 360.0)) % 360.0 >= about.lost_sector
-    rows = np.flatnonzero(keep)
-    if about.order == "random":
-        return rng.permutation(rows)
-    if about.order == "time":
-        return rows[np.argsort(when[rows], kind="stable")]
-    if about.order == "ring" and scan.ring is not None:
-        return rows[np.lexsort((when[rows], scan.ring[rows]))]
-    return rows
-
-
-def times_in_file(clock: npt.NDArray[np.float64], times: Times) -> npt.NDArray[np.float32] | None:
-    """Return what a reader takes for the (N,) times of points measured at `clock` seconds, from the scan's first on."""
-    if times == "none" or len(clock) == 0:
-        return None
-    seconds = clock - clock.min()
-    wrong = {
-        "backwards": seconds.max() - seconds,
-        "constant": np.zeros_like(seconds),
-        "nan": np.full_like(seconds, np.nan),
-        "too long": 2.0 * seconds,
-    }
-    return wrong.get(times, seconds).astype(np.float32)
 
 
 def with_specks(points, truth, share, rng):  # type: ignore[no-untyped-def]

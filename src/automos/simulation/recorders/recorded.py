@@ -14,16 +14,7 @@ import numpy.typing as npt
 from automos.core.errors import InputError
 from automos.core.geometry import inverse, se3_exp, se3_log
 from automos.core.scan import Pose, Scan, Sequence
-from automos.simulation.recorders.convention import (
-    Convention,
-    Rows,
-    joined,
-    kept_cuts,
-    kept_rows,
-    rows_of,
-    times_in_file,
-    with_specks,
-)
+from automos.simulation.recorders.convention import Convention, Rows, joined, rows_of, with_specks
 
 
 class Turns(Protocol):
@@ -71,7 +62,7 @@ class Recorded(Sequence):
         self.turns, self.convention, self.seed = turns, convention, seed
         self.name = turns.name
         n_cuts = int((len(turns) - convention.first_cut) / convention.turns + 1e-9)
-        self._cuts = kept_cuts(n_cuts, convention)
+        self._cuts = convention.kept_cuts(n_cuts)
         if len(self._cuts) == 0:
             raise InputError(
                 f"a recorder ({convention}) keeps no scan of {len(turns)} turns: give more, or another convention"
@@ -171,7 +162,7 @@ def _keep(recorded: Recorded, index: int) -> _Kept:
     about = recorded.convention
     chance = [recorded.seed, int(recorded._cuts[index])]  # a scan that is there twice is the same twice
     kept = recorded._measured(index)
-    kept = kept.rows(kept_rows(kept.scan, kept.when, about, np.random.default_rng([*chance, 21])))
+    kept = kept.rows(about.kept_rows(kept.scan, kept.when, np.random.default_rng([*chance, 21])))
     scan, truth = kept.scan, kept.truth
     points: npt.NDArray[np.floating] = scan.points
     if about.reference != "raw":
@@ -185,7 +176,7 @@ def _keep(recorded: Recorded, index: int) -> _Kept:
     scan = replace(
         scan,
         points=np.ascontiguousarray(points / about.unit, np.float32),
-        time=times_in_file(recorded.clock(kept.when), about.times),
+        time=about.times_in_file(recorded.clock(kept.when)),
         stamp=None if stamps is None else float(stamps[index]),
         name=f"{index:06d}",
     )
