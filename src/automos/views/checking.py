@@ -1,12 +1,10 @@
 """What a recording is, what will be assumed of it, and whether it can be labelled: from headers and a few scans."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence as Several
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,9 +15,6 @@ from automos.core.scan import Scan, Sequence
 from automos.odometry.clock import GAP
 from automos.readers import find_recordings, kind_of, open_sequence
 from automos.results.recording_warnings import USUAL_RATE, recording_warnings
-
-if TYPE_CHECKING:
-    from automos.simulation.sensing.sensors import Sensor
 
 LOOKS = 20
 """Scans that are read, at most: all of so few, else half, as the others are read to open a recording."""
@@ -196,9 +191,7 @@ def _count_beams(scan: Scan, found: Check) -> None:
         counts = [_peaks(elevation[sector == k]) for k in np.unique(sector) if (sector == k).sum() >= _FEWEST]
         middle, upper = np.percentile(counts, [50, 75]) if counts else (0, 0)
         found.beams = round(upper) if 0 < upper < (1.0 + 2.0 * _LIKE) * middle else None
-    like = _sensor_like(found)
-    if like is not None:
-        found.sensor, found.beams = like.name, None if like.rosette else like.beams
+    _name_sensor(found)
 
 
 def _peaks(elevation: npt.NDArray[np.float64]) -> int:
@@ -210,8 +203,8 @@ def _peaks(elevation: npt.NDArray[np.float64]) -> int:
     return len(find_peaks(smooth, prominence=max(0.25 * usual, 3.0))[0])
 
 
-def _sensor_like(found: Check) -> Sensor | None:
-    """Return the known sensor that has the beams that were found."""
+def _name_sensor(found: Check) -> None:
+    """Note the known sensor that has the beams that were found, if there is one, and how many it has."""
     from automos.simulation.sensing.sensors import SENSORS
 
     low, high = found.elevations or (0.0, 0.0)
@@ -224,8 +217,8 @@ def _sensor_like(found: Check) -> Sensor | None:
             is_like = bool((np.abs(ends) < _LIKE * np.ptp(sensor.elevations)).all())
             is_like &= abs((found.beams or 0) - sensor.beams) <= _LIKE * sensor.beams
         if is_like:
-            return sensor
-    return None
+            found.sensor, found.beams = sensor.name, None if sensor.rosette else sensor.beams
+            return
 
 
 def _look_beside(sequence: Sequence, found: Check) -> None:
