@@ -114,20 +114,25 @@ def record(blocks: Sequence[Block], T_ground_sensor: np.ndarray, n_beams: int = 
 
 
 def cast(blocks: Sequence[Block], origin: np.ndarray, rays: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return each ray's (R,) distance in metres (inf: nothing hit) and (R,) row of the block hit, -1 for the ground."""
-    with np.errstate(divide="ignore"):
+    """Return each ray's (R,) distance in metres (inf: nothing hit) and (R,) row of the block hit, -1 for the ground.
+
+    rays : (R, 3), of length 1.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
         nearest = np.where(rays[:, 2] < 0.0, -origin[2] / rays[:, 2], np.inf)
         hit = np.full(len(rays), -1)
         for row, block in enumerate(blocks):
+            offset = np.asarray(block.center) + time * np.asarray(block.velocity) - origin
+            half = 0.5 * np.asarray(block.size)
+            outside = offset @ offset - 1.001 * (half @ half)  # no ray meets a block without the ball around it
+            near = np.flatnonzero(rays @ offset >= (np.sqrt(outside) if outside > 0.0 else -np.inf))
             c, s = np.cos(block.yaw), np.sin(block.yaw)
             R_block_world = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-            start = R_block_world @ (origin - block.center - time * np.asarray(block.velocity))
-            direction = rays @ R_block_world.T
-            half = 0.5 * np.asarray(block.size)
-            one, other = (-half - start) / direction, (half - start) / direction
-            enters, leaves = np.minimum(one, other).max(axis=1), np.maximum(one, other).min(axis=1)
-            is_hit = (enters <= leaves) & (enters > 0.0) & (enters < nearest)
-            nearest[is_hit], hit[is_hit] = enters[is_hit], row
+            start, direction = (R_block_world @ -offset)[:, None], R_block_world @ rays[near].T
+            one, other = (-half[:, None] - start) / direction, (half[:, None] - start) / direction
+            enters, leaves = np.minimum(one, other).max(axis=0), np.maximum(one, other).min(axis=0)
+            is_hit = (enters <= leaves) & (enters > 0.0) & (enters < nearest[near])
+            nearest[near[is_hit]], hit[near[is_hit]] = enters[is_hit], row
     return nearest, hit
 
 
