@@ -7,7 +7,6 @@ import re
 import signal
 import subprocess
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -23,31 +22,6 @@ from automos.core.label_files import to_mos
 from automos.core.labels import Label
 from automos.core.pose_writers import write_kitti, write_tum
 from automos.settings import load_settings
-
-
-@dataclass
-class Ended:
-    """How a command ended."""
-
-    code: int
-    out: str
-    err: str
-
-
-@pytest.fixture
-def automos(monkeypatch, capsys, tmp_path):
-    """Return a function that runs the command line in an empty folder."""
-    (tmp_path / "here").mkdir()
-    monkeypatch.chdir(tmp_path / "here")
-
-    def run(*words) -> Ended:
-        monkeypatch.setattr(sys, "argv", ["automos", *map(str, words)])
-        with pytest.raises(SystemExit) as leaving:
-            main()
-        said = capsys.readouterr()
-        return Ended(leaving.value.code or 0, said.out, said.err)
-
-    return run
 
 
 @pytest.fixture(scope="module")
@@ -212,11 +186,11 @@ def test_any_name_of_a_folder_is_told_as_it_is(automos, tmp_path, name):
 
 def test_an_error_that_names_all_columns_is_cut_to_what_can_be_read(automos, tmp_path):
     (tmp_path / "wide").mkdir()
-    (tmp_path / "wide" / "000000.csv").write_text(",".join(f"c{i}" for i in range(20_000)) + "\n")
+    (tmp_path / "wide" / "000000.csv").write_text(",".join(f"c{i}" for i in range(2000)) + "\n")
     ended = automos("label", tmp_path / "wide", "--out", tmp_path / "run")
     assert ended.code == 2
     assert "has no column x, y, z; its columns are: c0, c1" in ended.err
-    assert "c19999" in ended.err
+    assert "c1999" in ended.err
     assert len(ended.err) < 3000
 
 

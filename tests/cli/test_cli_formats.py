@@ -129,7 +129,7 @@ def test_results_and_maps_may_lie_below_the_recording_and_be_written_again(label
     for _ in range(2):
         for words in (
             ("export", folder / "run", folder, "--to", "panoptic"),
-            ("map", folder, "--method", "octomap", "--out", folder / "map", "--workers", 1),
+            ("map", folder, "--method", "yoon", "--out", folder / "map", "--workers", 1),
         ):
             done = run(*words)
             assert done.exit_code == 0, done.output

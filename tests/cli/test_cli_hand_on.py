@@ -1,16 +1,12 @@
 """The commands that hand results on: data sets of many runs, recordings without movers."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from worlds import lane, write_bins
 
-
-def automos(*words):
-    command = [sys.executable, "-m", "automos", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
+from automos.labeling import label_recording
+from automos.readers import open_sequence
+from automos.settings import load_settings
 
 
 @pytest.fixture(scope="module")
@@ -18,21 +14,21 @@ def run(tmp_path_factory):
     """Return the results of a small street, whose recording has a blank and an umlaut in its name."""
     root = tmp_path_factory.mktemp("lane")
     recording = write_bins(lane().sequence, root / "Gasse süd 1")
-    assert automos("label", recording, "--out", root / "run", "--workers", 1).returncode == 0
+    label_recording(open_sequence(recording), root / "run", load_settings("default"), workers=1)
     return root / "run"
 
 
-def test_a_data_set_is_made_told_of_and_made_once(run, tmp_path):
+def test_a_data_set_is_made_told_of_and_made_once(automos, run, tmp_path):
     words = ("dataset", run, "--out", tmp_path / "set", "--layout", "helimos", "--split", "valid=Gasse süd 1")
     for _ in range(2):
         done = automos(*words)
-        assert done.returncode == 0, done.stderr
-        assert "Gasse süd 1: sequence 50, valid, 12 scans" in done.stdout
-        assert "no recording is in train" in done.stdout
+        assert done.code == 0, done.err
+        assert "Gasse süd 1: sequence 50, valid, 12 scans" in done.out
+        assert "no recording is in train" in done.out
     assert len(list((tmp_path / "set" / "Gasse süd 1" / "velodyne").glob("*.bin"))) == 12
 
 
-def test_mistakes_are_sentences(run, tmp_path):
+def test_mistakes_are_sentences(automos, run, tmp_path):
     out = ("--out", tmp_path / "set", "--layout", "helimos")
     for words, sentence in (
         (("dataset", run, *out, "--split", "valid"), "write SPLIT=NAME"),
@@ -44,18 +40,18 @@ def test_mistakes_are_sentences(run, tmp_path):
         (("clean", run, "--out", run), "choose another --out"),
     ):
         done = automos(*words)
-        assert done.returncode == 2
-        assert sentence in " ".join(done.stderr.split())
+        assert done.code == 2
+        assert sentence in " ".join(done.err.split())
     assert not (tmp_path / "set").exists()
     assert not (tmp_path / "clean").exists()
 
 
-def test_movers_alone_and_all_else_are_the_recording(run, tmp_path):
+def test_movers_alone_and_all_else_are_the_recording(automos, run, tmp_path):
     recording = run.parent / "Gasse süd 1"
     for option in ("--keep-unsure", "--only-movers"):
         done = automos("clean", run, "--out", tmp_path / option, option)
-        assert done.returncode == 0, done.stderr
-        assert "points left out" in done.stdout
+        assert done.code == 0, done.err
+        assert "points left out" in done.out
     n_moving = 0
     for path in sorted(recording.rglob("*.bin")):
         rest, movers = (np.fromfile(tmp_path / o / path.relative_to(recording), np.float32).reshape(-1, 4)

@@ -105,23 +105,21 @@ def _heed_ctrl_c():
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
-def test_a_replay_is_written_and_summed_up(walk, tmp_path):
+def test_a_replay_is_written_and_summed_up(automos, walk, tmp_path):
     path = write_pcap(tmp_path / "room.pcap", [(seconds, udp(payload)) for seconds, payload in walk[: len(walk) // 3]])
-    process = start(path, "--speed", 0, "--out", tmp_path / "out")
-    printed, said = process.communicate(timeout=400)
-    assert process.returncode == 0, said
-    assert "scans labelled, 0 left out" in printed
+    ended = automos("live", path, "--speed", 0, "--out", tmp_path / "out")
+    assert ended.code == 0, ended.err
+    assert "scans labelled, 0 left out" in ended.out
     run = json.loads((tmp_path / "out" / "run.json").read_text())
     assert run["recording"]["scans"] == len(labels_of(tmp_path / "out")) == len(open_sequence(path))
 
 
-def test_a_mistaken_command_leaves_earlier_results_as_they_are(walk, segmented, tmp_path):
+def test_a_mistaken_command_leaves_earlier_results_as_they_are(automos, walk, segmented, tmp_path):
     path = write_pcap(tmp_path / "room.pcap", [(seconds, udp(payload)) for seconds, payload in walk[:200]])
     out = shutil.copytree(segmented, tmp_path / "out")
-    process = start(path, "--out", out, "--send", "udp://nowhere")
-    _, said = process.communicate(timeout=400)
-    assert process.returncode == 2
-    assert "is not an address" in " ".join(said.split())
+    ended = automos("live", path, "--out", out, "--send", "udp://nowhere")
+    assert ended.code == 2
+    assert "is not an address" in " ".join(ended.err.split())
     assert labels_of(out).keys() == labels_of(segmented).keys()
     assert (out / "run.json").exists()
 
@@ -151,9 +149,8 @@ def test_ctrl_c_ends_it_cleanly_with_a_summary(tmp_path):
         (["udp://127.0.0.1:0", "--sensor", "velodyne", "--timeout", "0.2"], "no packets of a Velodyne came"),
     ],
 )
-def test_what_is_wrong_is_a_sentence(arguments, said, tmp_path):
-    process = start(*arguments)
-    _, told = process.communicate(timeout=400)
-    assert process.returncode == 2
-    assert said in " ".join(told.split())
-    assert "Traceback" not in told
+def test_what_is_wrong_is_a_sentence(automos, arguments, said):
+    ended = automos("live", *arguments)
+    assert ended.code == 2
+    assert said in " ".join(ended.err.split())
+    assert "Traceback" not in ended.err

@@ -39,6 +39,7 @@ def _run(folder: Path, *n_scans: str) -> float:
     return float(done.stdout)
 
 
+@pytest.mark.slow
 def test_it_draws_and_reports_without_a_network_or_torch(tmp_path):
     from matplotlib.image import imread
 

@@ -29,7 +29,7 @@ SCRIPT = "import sys; from automos.cli import main; sys.exit(main())"
 def folder(tmp_path):
     """Return a folder with two recordings, and beside them modules that leave a file when they are run."""
     for name in ("a", "b"):
-        write_bins(lane(6).sequence, tmp_path / "logs" / name)
+        write_bins(lane(4).sequence, tmp_path / "logs" / name)
     for name in PLANTED:
         (tmp_path / "logs" / f"{name}.py").write_text(
             f"open({str(tmp_path / name)!r}, 'w').close()\nraise SystemExit(9)\n"
@@ -69,10 +69,10 @@ def test_modules_and_settings_beside_the_recordings_are_not_run(folder, argument
 
 def test_methods_compared_in_processes_of_their_own_do_not_run_them(folder):
     (folder / "logs" / "a" / "labels").mkdir()
-    for i in range(6):
+    for i in range(4):
         n_points = (folder / "logs" / "a" / f"{i:06d}.bin").stat().st_size // 16
         np.zeros(n_points, np.uint32).tofile(folder / "logs" / "a" / "labels" / f"{i:06d}.label")
-    done = run(folder, "compare", "a", "--out", str(folder / "out"), "--method", "default", "--workers", "1")
+    done = run(folder, "compare", "a", "--out", str(folder / "out"), "--method", "yoon", "--workers", "1")
     assert done.returncode == 0, done.stderr
     assert left_by_planted(folder) == []
 
