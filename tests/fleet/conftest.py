@@ -40,8 +40,8 @@ def make_fleet(tmp_path_factory):
 
 @pytest.fixture
 def fleet(make_fleet) -> Fleet:
-    """Return three recordings."""
-    return make_fleet(3)
+    """Return two recordings."""
+    return make_fleet(2)
 
 
 class Server:
