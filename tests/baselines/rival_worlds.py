@@ -26,7 +26,7 @@ YARD = (*WALLS, PARKED, HIDDEN, MOVER)
 class Yard:
     """Frames at 10 Hz of a sensor that drives along x at 2 m/s, and of each point the block of `YARD` it lies on."""
 
-    def __init__(self, blocks: Sequence[Block] = YARD, n_scans: int = 36, n_beams: int = 40, n_columns: int = 900):
+    def __init__(self, blocks: Sequence[Block] = YARD, n_scans: int = 36, n_beams: int = 40, n_columns: int = 600):
         azimuth = 2.0 * np.pi * (np.arange(n_columns) + 0.5) / n_columns
         elevation = np.radians(np.linspace(-24.0, 6.0, n_beams))
         e, a = (grid.ravel() for grid in np.meshgrid(elevation, azimuth))

@@ -1,5 +1,7 @@
 """Every method on one small world: what went by leaves, what stands stays."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from rival_worlds import GROUND, HIDDEN, MOVER, PARKED, WALLS, Yard
@@ -31,10 +33,10 @@ def yard():
     return Yard()
 
 
-@pytest.fixture(scope="module", params=sorted(BASELINES))
-def found(request, yard):
-    """Return a method's name and what it calls moving in each scan."""
-    if request.param == "dufomap":
+@cache
+def masks_of(method, yard):
+    """Return what a method calls moving in each scan."""
+    if method == "dufomap":
         pytest.importorskip("dufomap")
     quicker = {
         "octomap": octomap.Parameters(ground=HeightImages(cells=(0.1, 0.15, 0.2))),
@@ -42,9 +44,15 @@ def found(request, yard):
     }
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(methods, "published", lambda name: quicker.get(name) or published(name))
-        found = list(BASELINES[request.param].find_moving(yard, yard.stamps, load_settings(), 0))
+        found = list(BASELINES[method].find_moving(yard, yard.stamps, load_settings(), 0))
     assert [i for i, _ in found] == list(range(len(yard)))
-    return request.param, [mask for _, mask in found]
+    return [mask for _, mask in found]
+
+
+@pytest.fixture(scope="module", params=sorted(BASELINES))
+def found(request, yard):
+    """Return a method's name and what it calls moving in each scan."""
+    return request.param, masks_of(request.param, yard)
 
 
 def share(found, pick) -> float:
@@ -83,10 +91,8 @@ def test_the_ground_stays(found, yard):
 
 @pytest.mark.parametrize("method", ["m_detector", "yoon", pytest.param("hmm_mos", marks=pytest.mark.slow), "removert"])
 def test_a_run_that_starts_later_finds_the_same(method, yard):
-    def find(start):
-        return dict(BASELINES[method].find_moving(yard, yard.stamps, load_settings(), start))
-
-    whole, late = find(0), find(30)
+    whole = masks_of(method, yard)
+    late = dict(BASELINES[method].find_moving(yard, yard.stamps, load_settings(), 30))
     assert list(late) == list(range(30, 36))
     assert any(mask.any() for mask in late.values())
     # M-detector remembers what it called moving, so a later start may differ at the edges of the mover

@@ -31,7 +31,7 @@ METHODS = ["yoon", "m_detector"]
 
 @pytest.fixture(scope="module")
 def world():
-    return lane(14)
+    return lane(8)
 
 
 @pytest.fixture(scope="module")
@@ -73,10 +73,8 @@ def test_scores_are_those_of_the_labels_that_were_kept(recording, world, tmp_pat
 def test_what_was_run_is_not_run_again_unless_its_settings_change(
     recording, world, tmp_path, in_this_process, monkeypatch
 ):
-    first = make_runs(recording, tmp_path, world).cost("yoon")
-    asked = []
-    run = runs_module._run
-    monkeypatch.setattr(runs_module, "_run", lambda *task: asked.append(task[0]) or run(*task))
+    first, asked = make_runs(recording, tmp_path, world).cost("yoon"), []
+    monkeypatch.setattr(runs_module, "_run", lambda *task: asked.append(task[0]) or first)
     assert make_runs(recording, tmp_path, world).cost("yoon") == first
     assert asked == []
     make_runs(recording, tmp_path, world, **{"tracking.max_misses": 3}).cost("yoon")  # not a setting of its
@@ -239,7 +237,9 @@ def test_each_preset_finds_its_own_poses_unless_one_odometry_is_for_all(recordin
     assert shared.trajectory_of("paper") is shared.trajectory
 
 
-def test_seconds_are_the_median_of_the_runs_and_say_whether_the_machine_was_busy(recording, world, tmp_path):
+def test_seconds_are_the_median_of_the_runs_and_say_whether_the_machine_was_busy(
+    recording, world, tmp_path, in_this_process
+):
     runs = MethodRuns(open_sequence(recording), tmp_path, {}, world.poses, 1, repeats=3)
     cost = runs.cost("yoon")
     assert len(cost.seconds) == len(cost.busy) == len(cost.memory) == len(cost.others) == 3
