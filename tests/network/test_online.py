@@ -8,6 +8,7 @@ from automos.core.scan import Scan
 from automos.network.online import STAGES, OnlineSegmenter
 from automos.odometry.sweep_timing import SweepTiming
 from automos.simulation import simulate
+from automos.simulation.sequence import SimulatedSequence
 
 
 def labels_of(scans, **kwargs) -> list[np.ndarray]:
@@ -16,10 +17,15 @@ def labels_of(scans, **kwargs) -> list[np.ndarray]:
 
 
 @pytest.fixture(scope="module")
-def scans() -> list[Scan]:
-    """Return raw sweeps of a moving sensor: long enough for their timing to be found out on the way."""
-    sequence = simulate("city", "VLP-16", n_scans=24, seed=3)
-    return [Scan(scan.points, scan.intensity, stamp=scan.stamp) for scan in sequence]
+def city() -> SimulatedSequence:
+    """Return a drive that is long enough for the timing of its sweeps to be found out on the way."""
+    return simulate("city", "VLP-16", n_scans=24, seed=3)
+
+
+@pytest.fixture(scope="module")
+def scans(city) -> list[Scan]:
+    """Return raw sweeps of a moving sensor."""
+    return [Scan(scan.points, scan.intensity, stamp=scan.stamp) for scan in city]
 
 
 def test_later_scans_change_no_earlier_label(scans):
@@ -80,8 +86,8 @@ def test_what_each_stage_takes_is_measured():
     assert {stage: len(segmenter.seconds[stage]) for stage in STAGES} == dict.fromkeys(STAGES, 4)
 
 
-def test_the_sensors_way_is_found_from_the_scans_alone(scans):
-    true = simulate("city", "VLP-16", n_scans=24, seed=3).reference_poses
+def test_the_sensors_way_is_found_from_the_scans_alone(city, scans):
+    true = city.reference_poses
     segmenter = OnlineSegmenter(changes_move(), settings())
     for scan in scans:
         segmenter.step(scan)

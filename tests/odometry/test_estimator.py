@@ -20,6 +20,12 @@ from automos.simulation import Convention, record, simulate
 SETTINGS = load_settings("default").odometry
 
 
+@pytest.fixture(scope="module")
+def city():
+    """Return six seconds of raw sweeps."""
+    return list(simulate("city", "VLP-16", n_scans=60, seed=8))
+
+
 def follow(scans, settings=SETTINGS, **kwargs):
     with ThreadPoolExecutor(1) as pool:
         odometry = Odometry(settings, pool, **kwargs)
@@ -53,7 +59,7 @@ def test_a_start_in_full_flight_is_found():
     np.testing.assert_allclose(found, true, rtol=0.1)
 
 
-@pytest.mark.parametrize("seed", [757, 782])
+@pytest.mark.parametrize("seed", [757, pytest.param(782, marks=pytest.mark.slow)])
 def test_a_start_is_told_from_rest_though_rings_of_ground_lie_on_rings(seed):
     world = simulate("hills", "VLP-16", n_scans=14, seed=seed)
     moved = follow([world[k] for k in range(5)])
@@ -66,9 +72,9 @@ def test_a_start_is_told_from_rest_though_rings_of_ground_lie_on_rings(seed):
 @pytest.mark.parametrize(
     ("seed", "most"), [(0, 30), *(pytest.param(*few, marks=pytest.mark.slow) for few in ((1, 12), (3, 60)))]
 )
-def test_however_many_scans_are_lost_the_others_are_followed(seed, most):
+def test_however_many_scans_are_lost_the_others_are_followed(city, seed, most):
     """As on a robot that is too slow: whatever was sought in the background fits what is there when it is found."""
-    there = [scan.points for scan in simulate("city", "VLP-16", n_scans=40, seed=8)]
+    there = [scan.points for scan in city[:40]]
     numbers = np.cumsum(np.random.default_rng(seed).integers(1, most, 60))
     to_and_fro = [there[min(k % 80, 79 - k % 80)] for k in numbers.tolist()]
     scans = [Scan(points, stamp=0.1 * k) for points, k in zip(to_and_fro, numbers, strict=True)]
@@ -76,10 +82,10 @@ def test_however_many_scans_are_lost_the_others_are_followed(seed, most):
 
 
 @pytest.fixture(scope="module")
-def sweeps():
+def sweeps(city):
     """Return raw sweeps that begin on the right, whose points have no times, and an order that tells none."""
     rng, turned = np.random.default_rng(0), []
-    for scan in simulate("city", "VLP-16", n_scans=60, seed=8):
+    for scan in city:
         x, y, z = rng.permutation(scan.points).T
         turned.append(Scan(np.stack([-y, x, z], axis=1), stamp=scan.stamp))
     return turned

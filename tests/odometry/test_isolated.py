@@ -105,6 +105,7 @@ def test_posts_of_single_points_give_the_speed_where_no_surface_does():
     assert not search_speed(surfaces, OdometrySettings()).missing.any()
 
 
+@pytest.mark.slow
 def test_sixteen_beams_follow_a_motorway():
     world = simulate("motorway", "VLP-16", 60, 141)
     found = estimate_trajectory(world, OdometrySettings())

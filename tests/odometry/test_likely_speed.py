@@ -1,3 +1,5 @@
+from functools import cache
+
 import numpy as np
 import pytest
 from raw_worlds import CANYON, curve, true_poses, worst_distance
@@ -5,7 +7,7 @@ from worlds import Block, record, van
 
 from automos.odometry.likely_speed import at_likely_speed
 from automos.odometry.speed import search_speed, speed_figures
-from automos.odometry.surfels import surfels_of
+from automos.odometry.surfels import Surfels, surfels_of
 from automos.odometry.window import Window
 from automos.settings import OdometrySettings
 
@@ -15,8 +17,19 @@ N, SPEED = 30, 8.0
 SIGNS = [Block((x, y, 3.6), (0.3, 2.4, 1.8)) for x in np.arange(-30.0, 70.0, 8.0) for y in (7.0, -7.0)]
 
 
-def window_of(world, poses) -> Window:
-    surfels = [surfels_of(scan.points, None) for scan in world.sequence]
+def surfels_in(blocks, pose) -> list[Surfels]:
+    """Return the surfels of each scan of a drive among `blocks`."""
+    world = record(blocks, np.array([pose(0.1 * i) for i in range(N)]), n_beams=32)
+    return [surfels_of(scan.points, None) for scan in world.sequence]
+
+
+@cache
+def surfels_at(speed) -> list[Surfels]:
+    """Return the surfels of each scan of a drive through the canyon."""
+    return surfels_in((*CANYON, *SIGNS), curve(speed, 0.0))
+
+
+def window_of(surfels, poses) -> Window:
     return Window(surfels, np.zeros((len(poses), 6)), poses, np.ones(len(poses) - 1), 0.1, 0.0)
 
 
@@ -26,9 +39,8 @@ def test_where_nearly_all_that_is_seen_keeps_step_signs_overhead_tell_the_speed(
     ]
     ahead_and_behind = [van(9.0, 0.0, 0.0, SPEED), van(-9.0, 0.0, 0.0, SPEED)]
     pose = curve(SPEED, 0.0)
-    truth = np.array([pose(0.1 * i) for i in range(N)])
-    world = record((*CANYON[:2], *lanes, *ahead_and_behind, *SIGNS), truth, n_beams=32)
-    window = window_of(world, np.tile(np.eye(4), (N, 1, 1)))
+    surfels = surfels_in((*CANYON[:2], *lanes, *ahead_and_behind, *SIGNS), pose)
+    window = window_of(surfels, np.tile(np.eye(4), (N, 1, 1)))
 
     search = search_speed(window, SETTINGS)
     assert not search.missing.any()  # all together, the traffic wins
@@ -43,27 +55,21 @@ def test_where_nearly_all_that_is_seen_keeps_step_signs_overhead_tell_the_speed(
 @pytest.mark.parametrize("n", [12, N])
 @pytest.mark.parametrize("driven", [-1.0, -0.4, 2.5])
 def test_whichever_way_poses_went_the_speed_is_found_from_a_standstill(driven, n):
-    pose = curve(SPEED, 0.0)
-    world = record((*CANYON, *SIGNS), np.array([pose(0.1 * i) for i in range(N)]), n_beams=32)
     wrong = true_poses(curve(driven * SPEED, 0.0), N)
-    found, search = at_likely_speed(window_of(world, wrong).part(0, n), SETTINGS, None)
-    assert worst_distance(found.T_world_sensor, true_poses(pose, n)) < 0.02 * SPEED * 0.1 * n
+    found, search = at_likely_speed(window_of(surfels_at(SPEED), wrong).part(0, n), SETTINGS, None)
+    assert worst_distance(found.T_world_sensor, true_poses(curve(SPEED, 0.0), n)) < 0.02 * SPEED * 0.1 * n
     assert search.is_clear
 
 
 def test_who_is_right_is_not_moved_and_no_standstill_is_tried(monkeypatch):
-    pose = curve(SPEED, 0.0)
-    world = record((*CANYON, *SIGNS), np.array([pose(0.1 * i) for i in range(N)]), n_beams=32)
     monkeypatch.setattr("automos.odometry.likely_speed.rivals_from_rest", lambda *still: pytest.fail("it is clear"))
-    window = window_of(world, true_poses(pose, N))
+    window = window_of(surfels_at(SPEED), true_poses(curve(SPEED, 0.0), N))
     found, search = at_likely_speed(window, SETTINGS, None)
     assert found is window
     assert search.is_clear
 
 
 def test_who_creeps_is_not_held_to_drive_as_a_passing_van():
-    pose = curve(1.0, 0.0)
-    world = record((*CANYON, *SIGNS), np.array([pose(0.1 * i) for i in range(N)]), n_beams=32)
     wrong = true_poses(curve(-4.0, 0.0), N)
-    found, _ = at_likely_speed(window_of(world, wrong), SETTINGS, None)
-    assert worst_distance(found.T_world_sensor, true_poses(pose, N)) < 0.1
+    found, _ = at_likely_speed(window_of(surfels_at(1.0), wrong), SETTINGS, None)
+    assert worst_distance(found.T_world_sensor, true_poses(curve(1.0, 0.0), N)) < 0.1

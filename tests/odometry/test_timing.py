@@ -1,4 +1,4 @@
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -19,7 +19,13 @@ from automos.simulation import Conditions, Convention
 from automos.simulation import record as record_drive
 
 N = 18
-POSE = curve(8.0, 0.5)
+POSE, FAST = curve(8.0, 0.5), curve(12.0, 0.0)
+
+
+@cache
+def seen(i, pose=POSE, turn=-1, seam_deg=180.0):
+    """Return the sweep around the middle of scan `i`."""
+    return sweep(TOWN, pose, SCAN_GAP * i, turn, seam_deg, n_beams=40)
 
 
 def choice_of(sequence, **settings):
@@ -36,13 +42,12 @@ def choose(sequence, **settings):
 
 
 def raw(turn, seam_deg, arrange=lambda points, i: points):
-    scans = [sweep(TOWN, POSE, SCAN_GAP * i, turn, seam_deg, n_beams=40) for i in range(N)]
+    scans = [seen(i, POSE, turn, seam_deg) for i in range(N)]
     return ArraySequence([Scan(arrange(scan.points, i), stamp=scan.stamp) for i, scan in enumerate(scans)])
 
 
 def free_running(turns, arrange=lambda points, i: points, pose=POSE):
-    sweeps = [sweep(TOWN, pose, SCAN_GAP * i, n_beams=40) for i in range(N + 2)]
-    scans = cut_anew(sweeps, turns)
+    scans = cut_anew([seen(i, pose) for i in range(N + 2)], turns)
     return ArraySequence([Scan(arrange(scan.points, i), stamp=scan.stamp) for i, scan in enumerate(scans)])
 
 
@@ -67,7 +72,7 @@ def test_points_in_the_order_of_measurement_tell_their_times(turn):
 
 
 @pytest.mark.parametrize("turns", [0.92, 1.09], ids=["less than a turn", "more than a turn"])
-@pytest.mark.parametrize("pose", [POSE, curve(12.0, 0.0)], ids=["in a curve", "straight and faster"])
+@pytest.mark.parametrize("pose", [POSE, FAST], ids=["in a curve", "straight and faster"])
 def test_streams_cut_by_time_are_timed_by_the_order_of_their_points(turns, pose):
     # As measured, scans agree on the motion in a turn of the sensor, at 12 m/s 9 or 11 cm off from scan to scan.
     timing = choose(free_running(turns, pose=pose))
@@ -78,8 +83,7 @@ def test_streams_cut_by_time_are_timed_by_the_order_of_their_points(turns, pose)
 
 @pytest.mark.parametrize("turns", [0.92, 1.09], ids=["less than a turn", "more than a turn"])
 def test_recorded_times_of_streams_cut_by_time_are_believed_by_far(turns):
-    sweeps = [sweep(TOWN, curve(12.0, 0.0), SCAN_GAP * i, n_beams=40) for i in range(N + 2)]
-    scans = ArraySequence(cut_anew(sweeps, turns))
+    scans = ArraySequence(cut_anew([seen(i, FAST) for i in range(N + 2)], turns))
     choice = choice_of(scans)
     assert choice.timing.source == "file"
     assert choice.to_dict()["worse_percent"]["none (compensated already, or unknown)"] > 50.0
@@ -106,7 +110,7 @@ def test_a_second_window_is_asked_only_where_the_first_leaves_doubt(monkeypatch)
             yield window
 
     monkeypatch.setattr(timing, "moving_windows", counted)
-    scans = [sweep(TOWN, POSE, SCAN_GAP * i, n_beams=40) for i in range(2 * N)]
+    scans = [seen(i) for i in range(2 * N)]
     assert choose(ArraySequence(scans)).source == "file"
     assert len(looks) == 1
     monkeypatch.setattr(moving_windows, "N_ERRORS", 1e6)
@@ -120,7 +124,7 @@ def test_compensated_sweeps_are_left_alone():
 
 
 def test_times_in_the_file_are_believed():
-    scans = [sweep(TOWN, POSE, SCAN_GAP * i, n_beams=40) for i in range(N)]
+    scans = [seen(i) for i in range(N)]
     timing = choose(ArraySequence(scans))
     assert timing.source == "file"
     assert timing.share == pytest.approx(1.0, abs=0.02)
@@ -138,7 +142,7 @@ def test_times_left_in_the_file_of_compensated_sweeps_are_not():
 
 
 def test_a_recording_turned_round_has_its_sweeps_turned_round_too():
-    scans = [sweep(TOWN, POSE, SCAN_GAP * (N - 1 - i), n_beams=40) for i in range(N)]
+    scans = [seen(N - 1 - i) for i in range(N)]
     scans = [Scan(scan.points, time=scan.time, stamp=SCAN_GAP * i) for i, scan in enumerate(scans)]
     assert choose(ArraySequence(scans)).share == pytest.approx(-1.0, abs=0.02)
 

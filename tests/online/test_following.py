@@ -130,7 +130,9 @@ def test_at_the_start_hardly_a_quarter_of_all_things_moves(n_moving, is_believed
     assert following.at(0.1 * 7, []).verdicts.is_moving.sum() == n_moving  # by now the speed has been looked for
 
 
-@pytest.mark.parametrize(("lag", "step"), [(MEMORY + 2.0, 0.5), (MEMORY + 0.5, 0.25)])
+@pytest.mark.parametrize(
+    ("lag", "step"), [(MEMORY + 2.0, 0.5), pytest.param(MEMORY + 0.5, 0.25, marks=pytest.mark.slow)]
+)
 def test_a_scan_may_wait_for_longer_than_a_track_is_remembered(lag, step):
     noise, labeler = np.random.default_rng(0), Labeler(lag=lag, is_compensated=True, threads=1)
     room = noise.uniform([-9, -9, -1.5], [9, 9, 2.5], (1500, 3))

@@ -10,7 +10,7 @@ from automos import labeler
 from automos.core.labels import Label
 from automos.odometry import background
 
-SCANS = list(lane(30).sequence)
+SCANS = list(lane(20).sequence)
 
 
 class AtOnce(ThreadPoolExecutor):

@@ -49,10 +49,13 @@ def write_livox(path, package, log, frame="livox_frame"):
     return path
 
 
-@pytest.mark.parametrize("frame", ["l", "livox_frame", "front/livox"])
 @pytest.mark.parametrize(
-    ("file", "package"),
-    [("log.bag", "livox_ros_driver"), ("log.bag", "livox_ros_driver2"), ("log.mcap", "livox_ros_driver2")],
+    ("file", "package", "frame"),
+    [
+        ("log.bag", "livox_ros_driver", "livox_frame"),
+        ("log.bag", "livox_ros_driver2", "l"),
+        *(("log.mcap", "livox_ros_driver2", frame) for frame in ("l", "livox_frame", "front/livox")),
+    ],
 )
 def test_points_times_and_lines_are_the_drivers(tmp_path, file, package, frame):
     log = street_log()
