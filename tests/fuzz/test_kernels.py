@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hostile_floats import CLOUDS
-from hypothesis import given
+from hypothesis import given, settings
 from kernels_beside import BESIDE
 from kernels_of_stages import STAGES
 
@@ -45,6 +45,7 @@ print(*sorted(f"{{path}}:{{name}}" for path, name in kernels - called), sep="\\n
 
 
 @pytest.mark.parametrize("room", ROOMS)
+@settings(max_examples=25)
 @given(points=CLOUDS)
 def test_every_float32_is_safe_for_the_kernels_of(room, points):
     with np.errstate(all="ignore"):

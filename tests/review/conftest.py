@@ -15,7 +15,7 @@ def server(lane_run, tmp_path):
     """Return a server that runs on a copy of a run."""
     run = shutil.copytree(lane_run, tmp_path / "run")
     server = ReviewServer(Session(open_run(run)))
-    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread = threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True)  # seconds until it sees its end
     thread.start()
     yield server
     server.shutdown()

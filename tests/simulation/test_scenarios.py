@@ -16,7 +16,7 @@ N_SCANS = 100
 VEHICLES = {"car", "van", "truck", "trailer", "bus", "tram"}
 
 
-OFTEN = ("city", "hills", "waiting", "country")
+OFTEN = ("city", "waiting", "country")
 ALL = [name if name in OFTEN else pytest.param(name, marks=pytest.mark.slow) for name in simulation.SCENARIOS]
 
 
@@ -106,6 +106,7 @@ def test_where_things_move_some_labels_do(sequence):
         assert np.any(sequence.truth(50) & 0xFFFF == Label.MOVING)
 
 
+@pytest.mark.slow
 def test_the_motorway_is_in_full_flight_from_the_first_scan():
     for scenario, slowest, fastest in (("motorway", 26.0, 30.0), ("slowdown", 15.0, 19.0)):
         recording = simulation.simulate(scenario, "VLP-16", 2, seed=1)

@@ -54,6 +54,7 @@ def test_the_imu_measures_what_turns_and_holds_the_sensor(world):
     np.testing.assert_allclose(R, poses[-1][:3, :3], atol=5e-3)
 
 
+@pytest.mark.slow
 def test_without_movers_the_imu_is_there_byte_for_byte(bags):
     from rosbags.highlevel import AnyReader
 

@@ -1,13 +1,11 @@
 """Recordings without what automos labelled as moving, read back by others' readers and compared point for point.
 
 AUTOMOS_RUNS names results folders to do so with (of recordings in folders; `benchmarks/consumers/table.py` says its own
-there). Without it they are two simulated motorways and, with the slow tests, `lyft_5hz`.
+there). Without it they are a simulated motorway and, with the slow tests, a denser one and `lyft_5hz`.
 """
 
 import os
 import shutil
-import subprocess
-import sys
 from itertools import zip_longest
 from pathlib import Path
 
@@ -15,20 +13,23 @@ import numpy as np
 import pytest
 
 from automos import simulation
+from automos.labeling import label_recording
 from automos.readers import open_sequence
 from automos.results.open_run import open_run
 from automos.results.run_files import RunFiles
+from automos.settings import load_settings
 from automos.writers.cleaning.clean import clean
 
 RUNS = [name for name in os.environ.get("AUTOMOS_RUNS", "").split(os.pathsep) if name]
 WORLDS = {"motorway_VLP-16": ("VLP-16", 20, 905), "motorway_HDL-64E": ("HDL-64E", 12, 906)}
+DENSE = pytest.param("motorway_HDL-64E", marks=pytest.mark.slow)
 DRIVE = pytest.param("lyft_5hz", marks=[pytest.mark.slow, pytest.mark.recordings])
 FLOATS = np.dtype([(name, "<f4") for name in ("x", "y", "z", "intensity")])
 BEGIN = 1_700_000_000_000_000_000
 """Nanoseconds, the time of a bag's first cloud."""
 
 
-@pytest.fixture(scope="module", params=RUNS or [*WORLDS, DRIVE], ids=lambda name: Path(name).name)
+@pytest.fixture(scope="module", params=RUNS or ["motorway_VLP-16", DENSE, DRIVE], ids=lambda name: Path(name).name)
 def run(request, tmp_path_factory):
     """Return a recording that is labelled."""
     if request.param in RUNS:
@@ -41,8 +42,7 @@ def run(request, tmp_path_factory):
         source = request.getfixturevalue("recordings") / "sequences" / request.param
         if not source.is_dir():
             pytest.skip(f"{source.parent} holds no {source.name}")
-    words = [sys.executable, "-m", "automos", "label", str(source), "--out", str(folder / "run"), "--workers", "1"]
-    subprocess.run(words, check=True, capture_output=True)
+    label_recording(open_sequence(source), folder / "run", load_settings("default"), workers=1)
     return open_run(folder / "run")
 
 
