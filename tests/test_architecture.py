@@ -4,6 +4,7 @@ import ast
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 SOURCE = Path(__file__).parents[1] / "src" / "automos"
@@ -47,6 +48,11 @@ OPTIONAL = (
 OF_TORCH = {f"automos.network.{name}" for name in ("checkpoint", "export", "module", "salsanext", "training")}
 
 
+@cache
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text())
+
+
 def name_of(path: Path) -> str:
     return path.relative_to(SOURCE).as_posix()
 
@@ -59,7 +65,7 @@ def room_of(path: Path) -> str:
 def imports_of(path: Path) -> set[str]:
     """Return the dotted names that a file imports from automos, wherever in the file."""
     found = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -125,7 +131,7 @@ def test_a_function_fits_on_a_screen():
     lengths = [
         (f"{name_of(path)}:{node.lineno} {node.name}", node.end_lineno - node.lineno + 1)
         for path in FILES
-        for node in ast.walk(ast.parse(path.read_text()))
+        for node in ast.walk(tree_of(path))
         if isinstance(node, functions)
     ]
     assert [(name, length) for name, length in lengths if length > 60] == []
@@ -165,7 +171,7 @@ def test_files_import_each_other_in_no_circle():
 def files_imported(path: Path, modules: dict[str, Path]) -> set[str]:
     """Return those of `modules` that a file imports; `from package import module` imports the module."""
     found = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.ImportFrom) and node.module != "automos":
             members = {f"{node.module}.{alias.name}" for alias in node.names}
             found |= (members & set(modules)) or {node.module}

@@ -5,6 +5,7 @@ import math
 import subprocess
 import sys
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -26,9 +27,22 @@ def run(scans, lag=0.0, **kwargs):
     return [given for scan in scans for given in labeler.push(scan)] + labeler.finish()
 
 
+@cache
+def first(n, lag=0.0):
+    """Return what comes back of the first scans of the street."""
+    return run(SCANS[:n], lag)
+
+
+@cache
+def of_lane():
+    """Return another world, and what comes back of it alone."""
+    world = lane(24)
+    return world, run([Scan(scan.points, stamp=scan.stamp) for scan in world.sequence])
+
+
 @pytest.fixture(scope="module")
 def at_once():
-    return run(SCANS)
+    return first(len(SCANS))
 
 
 def test_every_scan_comes_back_once_in_order_when_its_lag_is_over():
@@ -46,7 +60,7 @@ def test_every_scan_comes_back_once_in_order_when_its_lag_is_over():
 def test_what_moves_is_found_at_once_and_better_later(at_once):
     assert [g.index for g in at_once] == list(range(len(SCANS)))
     now = iou_of_moving([g.labels for g in at_once][8:], STREET.truth[8:])
-    later = iou_of_moving([g.labels for g in run(SCANS, 0.5)][8:], STREET.truth[8:])
+    later = iou_of_moving([g.labels for g in first(len(SCANS), 0.5)][8:], STREET.truth[8:])
     assert now > 0.7
     assert later > max(now - 0.02, 0.8)
 
@@ -62,7 +76,7 @@ def test_scans_that_come_without_a_time_are_counted_where_some_are_lost():
 
 def test_the_whole_recording_as_lag_gives_the_labels_of_label():
     result = automos.label(automos.ArraySequence(SCANS, is_compensated=True))
-    given = run(SCANS, math.inf)
+    given = first(len(SCANS), math.inf)
     same = sum(np.count_nonzero(g.labels == result.labels(i)) for i, g in enumerate(given))
     assert same >= 0.999 * sum(len(scan) for scan in SCANS)
     for i, g in enumerate(given):
@@ -123,7 +137,7 @@ def test_points_that_are_none_are_unlabelled_and_all_others_keep_their_places():
 
 def test_at_a_lag_moving_is_what_moves_now_unless_another_meaning_is_asked_for():
     asked = {name: automos.load_settings("default", None, {"labels.moving": name}) for name in ("now", "sequence")}
-    by_default = run(SCANS[:14])
+    by_default = first(14)
     for given, now in zip(by_default, run(SCANS[:14], settings=asked["now"]), strict=True):
         np.testing.assert_array_equal(given.labels, now.labels)
     for given, ever in zip(by_default, run(SCANS[:14], settings=asked["sequence"]), strict=True):
@@ -197,7 +211,7 @@ def test_a_scan_that_came_twice_has_the_labels_of_the_first():
     [(1.0, "no scans for 1.0 s"), (30.0, "no scans for 30.0 s"), (-50.0, "set back")],
 )
 def test_after_a_gap_another_sensor_is_labelled_within_two_seconds(gap, reason, caplog):
-    world = lane(24)
+    world, alone = of_lane()
     begin = SCANS[11].stamp + gap
     other = [Scan(scan.points, stamp=begin + 0.1 * k) for k, scan in enumerate(world.sequence)]
     labeler = automos.Labeler(is_compensated=True)
@@ -208,7 +222,6 @@ def test_after_a_gap_another_sensor_is_labelled_within_two_seconds(gap, reason, 
     assert reason in told[-1]
     assert len(told) == 2  # of scans that are late or ahead, then of the clock
     assert [len(g.labels) for g in after] == [len(scan) for scan in other]
-    alone = run([Scan(scan.points, stamp=scan.stamp) for scan in world.sequence])
     usual = iou_of_moving([g.labels for g in alone][20:], world.truth[20:])
     assert usual > 0.5
     assert iou_of_moving([g.labels for g in after][20:], world.truth[20:]) > usual - 0.1
@@ -242,7 +255,7 @@ def test_a_labeler_whose_caller_stops_pushing_ahead_begins_anew_after_finish():
     given = [g.index for g in first + labeler.finish()]
     assert given in ([0], list(range(len(taken))))  # the next scan may have been taken, and its label is not lost
     given = [g for scan in SCANS[:8] for g in labeler.push(scan)]
-    for one, other in zip(given, run(SCANS[:8]), strict=True):
+    for one, other in zip(given, first(8), strict=True):
         np.testing.assert_array_equal(one.labels, other.labels)
 
 
@@ -288,6 +301,12 @@ def test_a_recording_that_cannot_be_labelled_is_not_lost():
             labeler.finish()
 
 
+@cache
+def cut_to(size, n, lag):
+    """Return what comes back of the first scans' first points."""
+    return run([Scan(scan.points[:size], stamp=scan.stamp) for scan in SCANS[:n]], lag)
+
+
 @pytest.mark.parametrize("lag", [0.0, 0.3, math.inf])
 @pytest.mark.parametrize("as_a", [lambda points: points, Scan], ids=["array", "scan"])
 def test_the_caller_may_write_the_next_scan_into_the_same_array(lag, as_a):
@@ -298,8 +317,7 @@ def test_the_caller_may_write_the_next_scan_into_the_same_array(lag, as_a):
         given += labeler.push(as_a(buffer), scan.stamp)
         buffer[:] = 0.0
     given += labeler.finish()
-    usual = run([Scan(scan.points[:size], stamp=scan.stamp) for scan in SCANS[:n]], lag)
-    for one, other in zip(given, usual, strict=True):
+    for one, other in zip(given, cut_to(size, n, lag), strict=True):
         np.testing.assert_array_equal(one.labels, other.labels)
         np.testing.assert_array_equal(one.pose, other.pose)
 
@@ -334,7 +352,7 @@ def test_a_labeler_that_was_warmed_up_gives_the_same_labels(lag):
     labeler = automos.Labeler(lag=lag, is_compensated=True)
     labeler.warm_up()
     given = [g for scan in SCANS[:8] for g in labeler.push(scan)] + labeler.finish()
-    for one, other in zip(given, run(SCANS[:8], lag), strict=True):
+    for one, other in zip(given, first(8, lag), strict=True):
         np.testing.assert_array_equal(one.labels, other.labels)
 
 

@@ -3,13 +3,12 @@
 import os
 import shutil
 import signal
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from forks import in_a_fork
 from worlds import World, lane, write_bins
 
 from automos.core.array_sequence import ArraySequence
@@ -109,22 +108,20 @@ def test_changed_scans_are_labelled_again(recording, tmp_path):
     assert len(predictions(tmp_path / "out")["000003.label"]) == scan.stat().st_size // 4
 
 
-KILLED_WHILE_SAVING = """
-import os, signal, sys
-import numpy as np
-from automos.cli import main
+def run_until_killed(recording: Path, out: Path, n_saved: int) -> None:
+    """Label in a process that is killed in the middle of the file after `n_saved` of them."""
+    save, saved = np.savez, []
 
-def save_some(file, save=np.savez, saved=[], enough=int(sys.argv.pop()), **arrays):
-    if len(saved) == enough:
-        file.write(b"half")
-        file.flush()
-        os.kill(os.getpid(), signal.SIGKILL)
-    saved.append(file.name)
-    save(file, **arrays)
+    def save_some(file, **arrays):
+        if len(saved) == n_saved:
+            file.write(b"half")
+            file.flush()
+            os.kill(os.getpid(), signal.SIGKILL)
+        saved.append(file.name)
+        save(file, **arrays)
 
-np.savez = save_some
-main()
-"""
+    np.savez = save_some
+    run(recording, out)
 
 
 # one file of the odometry, twelve of the candidates, twelve of the instances, one of the tracks, twelve of the labels
@@ -133,11 +130,8 @@ main()
 def test_a_run_that_was_killed_goes_on_and_ends_with_the_same_labels(recording, tmp_path, n_saved, stage):
     run(recording, tmp_path / "straight")
     out = tmp_path / "out"
-    options = ["--out", out, "--preset", "paper", "--poses", tmp_path / "poses.txt", "--workers", "1", str(n_saved)]
-    killed = subprocess.run(
-        [sys.executable, "-c", KILLED_WHILE_SAVING, "label", recording, *options], capture_output=True, check=False
-    )
-    assert killed.returncode == -signal.SIGKILL
+    with pytest.raises(AssertionError, match=f"ended with {-signal.SIGKILL}"):
+        in_a_fork(lambda: run_until_killed(recording, out, n_saved), patience=60)
     (half,) = out.rglob(".*.part")
     assert half.parent.name.startswith(stage)
     assert not (out / RUN_FILE).exists()

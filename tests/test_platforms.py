@@ -16,7 +16,12 @@ for name in {UNIX}:
 for name in ("getuid", "geteuid", "fchmod", "mkfifo", "sysconf", "sched_getaffinity", "getloadavg", "O_DIRECTORY"):
     delattr(os, name)
 from automos.cli import main
-main()
+for line in sys.stdin:
+    sys.argv = ["automos", *line.rstrip("\\n").split("\\t")]
+    try:
+        main()
+    except SystemExit as ended:
+        assert not ended.code, line
 """
 
 
@@ -30,14 +35,16 @@ def test_no_module_needs_what_only_unix_has_to_be_imported():
 
 def test_a_recording_is_labelled_and_exported_without_what_only_unix_has(lane_run, tmp_path):
     log, run = lane_run.parent / "lane", tmp_path / "run"
-
-    def command(*words):
-        ended = subprocess.run([sys.executable, "-c", WITHOUT, *words], capture_output=True, text=True, check=False)
-        assert ended.returncode == 0, ended.stderr
-
-    command("label", log, "--out", run, "--workers", "1")
-    command("report", run)
-    command("export", run, log, "--to", "pcd", "--out", tmp_path / "pcd")
+    commands = [
+        ("label", log, "--out", run, "--workers", "1"),
+        ("report", run),
+        ("export", run, log, "--to", "pcd", "--out", tmp_path / "pcd"),
+    ]
+    lines = "".join("\t".join(map(str, words)) + "\n" for words in commands)
+    ended = subprocess.run([sys.executable, "-c", WITHOUT], input=lines, capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stderr
+    assert (run / "report.html").exists()
+    assert list((tmp_path / "pcd").glob("*.pcd"))
     names = sorted(path.name for path in (run / "predictions").iterdir())
     assert names == sorted(path.name for path in (lane_run / "predictions").iterdir())
     for name in names:
