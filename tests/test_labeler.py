@@ -347,7 +347,7 @@ def test_an_interruption_moves_the_sensor_nowhere():
     assert given[8].pose[2, 3] == pytest.approx(given[0].pose[2, 3], abs=0.2)
 
 
-@pytest.mark.parametrize("lag", [0.0, 0.3])
+@pytest.mark.parametrize("lag", [pytest.param(0.0, marks=pytest.mark.slow), 0.3])
 def test_a_labeler_that_was_warmed_up_gives_the_same_labels(lag):
     labeler = automos.Labeler(lag=lag, is_compensated=True)
     labeler.warm_up()

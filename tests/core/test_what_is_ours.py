@@ -108,12 +108,13 @@ def tree(folder):
 def started(lane_run, tmp_path):
     """Return a function that runs a command on a folder or file of one of `theirs`, and what was raised."""
     log, run = shutil.copytree(lane_run.parent / "lane", tmp_path / "lane"), shutil.copytree(lane_run, tmp_path / "run")
-    shutil.copytree(log, tmp_path / "fleet" / "out")
-    shutil.copytree(log, tmp_path / "fleet" / "other")
     places = {"LOG": log, "RUN": run, "EDITS": run / "predictions", "FLEET": tmp_path / "fleet"}
 
     def start(command, words, place):
         pytest.importorskip(NEEDS.get(command, "numpy"))
+        if "FLEET" in words.split():
+            for name in ("out", "other"):
+                shutil.copytree(log, places["FLEET"] / name)
         network = tmp_path / "lmnet.pt"
         shutil.copyfile(os.path.join(os.path.dirname(automos.__file__), "network", "lmnet.pt"), network)
         given = {**places, "OUT": place, "ABOVE": place.parent, "NETWORK": network}

@@ -21,6 +21,7 @@ def test_damaged_inputs_are_refused_in_a_sentence_or_read_whole():
     assert len(counts) > 20
 
 
+@pytest.mark.slow
 def test_the_fuzzer_tells_a_traceback_from_a_refusal(tmp_path):
     # a fuzzer that cannot fail would find nothing
     code = (
