@@ -28,7 +28,7 @@ def run(scans, lag=0.0, **kwargs):
 
 
 @cache
-def first(n, lag=0.0):
+def of_first(n, lag=0.0):
     """Return what comes back of the first scans of the street."""
     return run(SCANS[:n], lag)
 
@@ -42,7 +42,7 @@ def of_lane():
 
 @pytest.fixture(scope="module")
 def at_once():
-    return first(len(SCANS))
+    return of_first(len(SCANS))
 
 
 def test_every_scan_comes_back_once_in_order_when_its_lag_is_over():
@@ -60,7 +60,7 @@ def test_every_scan_comes_back_once_in_order_when_its_lag_is_over():
 def test_what_moves_is_found_at_once_and_better_later(at_once):
     assert [g.index for g in at_once] == list(range(len(SCANS)))
     now = iou_of_moving([g.labels for g in at_once][8:], STREET.truth[8:])
-    later = iou_of_moving([g.labels for g in first(len(SCANS), 0.5)][8:], STREET.truth[8:])
+    later = iou_of_moving([g.labels for g in of_first(len(SCANS), 0.5)][8:], STREET.truth[8:])
     assert now > 0.7
     assert later > max(now - 0.02, 0.8)
 
@@ -76,7 +76,7 @@ def test_scans_that_come_without_a_time_are_counted_where_some_are_lost():
 
 def test_the_whole_recording_as_lag_gives_the_labels_of_label():
     result = automos.label(automos.ArraySequence(SCANS, is_compensated=True))
-    given = first(len(SCANS), math.inf)
+    given = of_first(len(SCANS), math.inf)
     same = sum(np.count_nonzero(g.labels == result.labels(i)) for i, g in enumerate(given))
     assert same >= 0.999 * sum(len(scan) for scan in SCANS)
     for i, g in enumerate(given):
@@ -137,7 +137,7 @@ def test_points_that_are_none_are_unlabelled_and_all_others_keep_their_places():
 
 def test_at_a_lag_moving_is_what_moves_now_unless_another_meaning_is_asked_for():
     asked = {name: automos.load_settings("default", None, {"labels.moving": name}) for name in ("now", "sequence")}
-    by_default = first(14)
+    by_default = of_first(14)
     for given, now in zip(by_default, run(SCANS[:14], settings=asked["now"]), strict=True):
         np.testing.assert_array_equal(given.labels, now.labels)
     for given, ever in zip(by_default, run(SCANS[:14], settings=asked["sequence"]), strict=True):
@@ -208,7 +208,11 @@ def test_a_scan_that_came_twice_has_the_labels_of_the_first():
 
 @pytest.mark.parametrize(
     ("gap", "reason"),
-    [(1.0, "no scans for 1.0 s"), (30.0, "no scans for 30.0 s"), (-50.0, "set back")],
+    [
+        (1.0, "no scans for 1.0 s"),
+        pytest.param(30.0, "no scans for 30.0 s", marks=pytest.mark.slow),
+        (-50.0, "set back"),
+    ],
 )
 def test_after_a_gap_another_sensor_is_labelled_within_two_seconds(gap, reason, caplog):
     world, alone = of_lane()
@@ -255,7 +259,7 @@ def test_a_labeler_whose_caller_stops_pushing_ahead_begins_anew_after_finish():
     given = [g.index for g in first + labeler.finish()]
     assert given in ([0], list(range(len(taken))))  # the next scan may have been taken, and its label is not lost
     given = [g for scan in SCANS[:8] for g in labeler.push(scan)]
-    for one, other in zip(given, first(8), strict=True):
+    for one, other in zip(given, of_first(8), strict=True):
         np.testing.assert_array_equal(one.labels, other.labels)
 
 
@@ -352,7 +356,7 @@ def test_a_labeler_that_was_warmed_up_gives_the_same_labels(lag):
     labeler = automos.Labeler(lag=lag, is_compensated=True)
     labeler.warm_up()
     given = [g for scan in SCANS[:8] for g in labeler.push(scan)] + labeler.finish()
-    for one, other in zip(given, first(8, lag), strict=True):
+    for one, other in zip(given, of_first(8, lag), strict=True):
         np.testing.assert_array_equal(one.labels, other.labels)
 
 

@@ -126,8 +126,11 @@ def test_the_sensor_may_be_mounted_askew(case, euler):
 
 
 # -------------------------------------------------------------------------------------- what must not change labels
-@pytest.mark.parametrize("euler", [(0, 0, 90), (0, 0, -133), (20, -35, 60)], ids=["quarter", "turned", "tilted"])
-@pytest.mark.parametrize("shift", [(0, 0, 0), (800, -1500, 40)], ids=["here", "away"])
+@pytest.mark.parametrize(
+    ("euler", "shift"),
+    [((0, 0, 90), (0, 0, 0)), ((0, 0, -133), (800, -1500, 40)), ((20, -35, 60), (800, -1500, 40))],
+    ids=["quarter", "turned and away", "tilted and away"],
+)
 def test_turning_and_shifting_the_world_changes_no_label(case, euler, shift):
     T = make_transform(Rotation.from_euler("xyz", euler, degrees=True).as_matrix(), shift)
     result = case.label(poses=T @ case.world.poses)

@@ -28,6 +28,10 @@ EXPECTED = {
 }
 
 
+METHODS = [pytest.param(name, marks=pytest.mark.slow) if name == "hmm_mos" else name for name in sorted(BASELINES)]
+"""All; the slowest has tests of its own, too."""
+
+
 @pytest.fixture(scope="module")
 def yard():
     return Yard()
@@ -49,7 +53,7 @@ def masks_of(method, yard):
     return [mask for _, mask in found]
 
 
-@pytest.fixture(scope="module", params=sorted(BASELINES))
+@pytest.fixture(scope="module", params=METHODS)
 def found(request, yard):
     """Return a method's name and what it calls moving in each scan."""
     return request.param, masks_of(request.param, yard)

@@ -211,7 +211,7 @@ def test_too_little_memory_for_compiled_code_is_one_sentence(log, kind):
     assert "may have 600 MB of memory and needs 800" in ended.stderr
 
 
-@pytest.mark.parametrize("kind", ["RLIMIT_AS", "RLIMIT_DATA"])
+@pytest.mark.parametrize("kind", [pytest.param("RLIMIT_AS", marks=pytest.mark.slow), "RLIMIT_DATA"])
 def test_the_least_memory_that_is_asked_for_is_enough(log, tmp_path, kind):
     ended = under_a_limit(kind, 800, "", "label", log, "--out", tmp_path / "run", "--workers", "1")
     assert ended.returncode == 0, ended.stderr

@@ -123,6 +123,7 @@ def test_exports_are_not_written_over_the_labels_of_a_run(labelled, tmp_path):
     assert {path: path.read_bytes() for path in run_folder.rglob("*.label")} == before
 
 
+@pytest.mark.slow
 def test_results_and_maps_may_lie_below_the_recording_and_be_written_again(labelled, tmp_path):
     folder = shutil.copytree(labelled[1], tmp_path / "lane")
     shutil.copytree(labelled[0], folder / "run")

@@ -129,8 +129,21 @@ def refused(done):
     return isinstance(done.exception, InputError) or "automos did not make that folder" in done.output
 
 
-@pytest.mark.parametrize("kind", ["a folder", "a link", "a folder with a link"])
-@pytest.mark.parametrize("command", FOLDERS)
+OFTEN = ("label", "export", "simulate", "live")
+"""Commands that are tried on links, too, beside the slow tests: all claim their folder in one way."""
+
+
+@pytest.mark.parametrize(
+    ("command", "kind"),
+    [
+        *((command, "a folder") for command in FOLDERS),
+        *(
+            pytest.param(command, kind, marks=() if command in OFTEN else pytest.mark.slow)
+            for command in FOLDERS
+            for kind in ("a link", "a folder with a link")
+        ),
+    ],
+)
 def test_a_strangers_folder_stays_as_it_is(started, tmp_path, command, kind):
     theirs = fill(tmp_path / "theirs" / "out")
     place = theirs
@@ -190,7 +203,9 @@ def test_a_strangers_report_in_a_run_stays(started, tmp_path):
     assert (tmp_path / "run" / "report.html").read_text() == "<title>mine</title>"
 
 
-@pytest.mark.parametrize("command", ["label", "segment", "compare", "simulate", "export"])
+@pytest.mark.parametrize(
+    "command", ["label", "segment", pytest.param("compare", marks=pytest.mark.slow), "simulate", "export"]
+)
 def test_a_command_may_be_repeated(started, tmp_path, command):
     for _ in range(2):
         done = started("", FOLDERS[command], tmp_path / "new")
@@ -312,7 +327,10 @@ def test_only_what_stages_hold_of_ours_is_removed_with_them(tmp_path):
     assert left == {"labels-new/000000.npz", "labels-old/notes.txt", "labels-old/theirs.npz", "train/train.py"}
 
 
-@pytest.mark.parametrize("command", ["label", "export", "clean", "dataset", "merge", "segment", "map of a run"])
+@pytest.mark.parametrize(
+    "command",
+    ["label", "export", "clean", "dataset", "merge", "segment", pytest.param("map of a run", marks=pytest.mark.slow)],
+)
 def test_what_a_killed_command_left_half_written_is_removed_when_it_runs_again(started, tmp_path, command):
     words, out = FOLDERS.get(command, "map RUN --out OUT"), tmp_path / "out"
     assert started(command, words, out).exit_code == 0

@@ -67,6 +67,7 @@ def test_modules_and_settings_beside_the_recordings_are_not_run(folder, argument
     assert left_by_planted(folder) == []
 
 
+@pytest.mark.slow
 def test_methods_compared_in_processes_of_their_own_do_not_run_them(folder):
     (folder / "logs" / "a" / "labels").mkdir()
     for i in range(4):

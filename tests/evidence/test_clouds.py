@@ -57,7 +57,7 @@ def look_at_street(weather: str, sensor: str) -> tuple[Frame, Seen, np.ndarray]:
     return frames[2], look(frames[2], lidars, ground, about.ground), (recording.truth(2)[frames[2].kept] & 0xFFFF) == 1
 
 
-@pytest.mark.parametrize("sensor", ["VLP-16", "HDL-64E"])
+@pytest.mark.parametrize("sensor", [pytest.param("VLP-16", marks=pytest.mark.slow), "HDL-64E"])
 def test_most_of_the_dust_is_specks_and_hardly_anything_else_is(sensor):
     _, dusty, is_air = look_at_street("dust", sensor)
     _, clear, _ = look_at_street("clear", sensor)
@@ -76,7 +76,7 @@ def test_rays_that_end_in_a_cloud_are_in_no_range_image():
     assert is_there[is_air & (seen.kind == SPECK)].mean() < 0.2
 
 
-@pytest.mark.parametrize("sensor", ["VLP-16", "HDL-64E"])
+@pytest.mark.parametrize("sensor", [pytest.param("VLP-16", marks=pytest.mark.slow), "HDL-64E"])
 def test_what_is_seen_through_dust_looks_nearly_as_solid_as_without(sensor):
     _, dusty, is_air = look_at_street("dust", sensor)
     _, clear, _ = look_at_street("clear", sensor)

@@ -27,6 +27,7 @@ def label(tmp_path):
     return label
 
 
+@pytest.mark.slow
 def test_submaps_of_erasor_reach_beyond_the_units(label, tmp_path):
     settings = load_settings("paper")
     write_recording(tmp_path / "logs" / "lane", seed=0)

@@ -208,6 +208,7 @@ def test_a_bug_in_one_recording_stops_no_other_and_its_place_is_kept(fleet, labe
     assert "in broken" in row["trace"]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no signals that a process is killed by")
 def test_processes_that_are_killed_at_random_lose_nothing(fleet, label, tmp_path):
     pool = LocalPool(2, 2)

@@ -15,9 +15,9 @@ from fuzzer import Reader, fuzz
 
 def test_damaged_inputs_are_refused_in_a_sentence_or_read_whole():
     pytest.importorskip("rosbags")
-    counts, faults = fuzz(60, seed=1, tell=False)
+    counts, faults = fuzz(40, seed=1, tell=False)
     assert faults == []
-    assert sum(found["refused"] for found in counts.values()) > 20
+    assert sum(found["refused"] for found in counts.values()) > 12
     assert len(counts) > 20
 
 

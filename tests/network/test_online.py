@@ -28,6 +28,7 @@ def scans(city) -> list[Scan]:
     return [Scan(scan.points, scan.intensity, stamp=scan.stamp) for scan in city]
 
 
+@pytest.mark.slow
 def test_later_scans_change_no_earlier_label(scans):
     online = settings().model_copy(update={"odometry": settings().odometry.model_copy(update={"time": "auto"})})
 
@@ -86,6 +87,7 @@ def test_what_each_stage_takes_is_measured():
     assert {stage: len(segmenter.seconds[stage]) for stage in STAGES} == dict.fromkeys(STAGES, 4)
 
 
+@pytest.mark.slow
 def test_the_sensors_way_is_found_from_the_scans_alone(city, scans):
     true = city.reference_poses
     segmenter = OnlineSegmenter(changes_move(), settings())

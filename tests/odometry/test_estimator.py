@@ -75,7 +75,7 @@ def test_a_start_is_told_from_rest_though_rings_of_ground_lie_on_rings(seed):
 def test_however_many_scans_are_lost_the_others_are_followed(city, seed, most):
     """As on a robot that is too slow: whatever was sought in the background fits what is there when it is found."""
     there = [scan.points for scan in city[:40]]
-    numbers = np.cumsum(np.random.default_rng(seed).integers(1, most, 60))
+    numbers = np.cumsum(np.random.default_rng(seed).integers(1, most, 40))
     to_and_fro = [there[min(k % 80, 79 - k % 80)] for k in numbers.tolist()]
     scans = [Scan(points, stamp=0.1 * k) for points, k in zip(to_and_fro, numbers, strict=True)]
     assert len(follow(scans, lag=0.0)) == len(scans)
@@ -160,7 +160,7 @@ def test_a_sweep_of_half_the_time_between_scans_is_known_to_be_one_from_the_seco
 
 @pytest.mark.parametrize(("time", "source"), [("azimuth", "azimuth"), ("order", "order"), ("auto", "file")])
 def test_recorded_times_are_not_used_where_the_settings_name_others(time, source):
-    world = record("city", "VLP-16", 4, seed=3, convention=Convention(turns=1.0, order="time"))
+    world = record("city", "VLP-16", 6, seed=3, convention=Convention(turns=1.0, order="time"))
     scans = [replace(scan, time=np.linspace(0.0, 0.1, len(scan), dtype=np.float32)) for scan in world]
     moved = follow(scans, settings=load_settings("default", None, {"odometry.time": time}).odometry)
     assert moved[-1].posed.timing.source == source

@@ -46,19 +46,19 @@ def is_well(server):
         '"',
     ],
 )
-def test_who_does_not_know_the_token_may_neither_read_nor_decide(server, cookie):
-    cookie = cookie.format(port=server.server_port, token=server.token)
+def test_who_does_not_know_the_token_may_neither_read_nor_decide(unmoved, cookie):
+    cookie = cookie.format(port=unmoved.server_port, token=unmoved.token)
     for path, body in (("/api/overview", None), ("/", None), ("/review.js", None), ("/api/decide", DECIDE)):
-        status, text = ask(server, path, body, Cookie=cookie)
+        status, text = ask(unmoved, path, body, Cookie=cookie)
         assert status == 403
         assert "token" in json.loads(text)["error"]
-    assert read_decisions(server.session.run.folder) == []
-    assert is_well(server)
+    assert read_decisions(unmoved.session.run.folder) == []
+    assert is_well(unmoved)
 
 
 @pytest.mark.parametrize("query", ["token=", "token=wrong", "token=%ff%fe", "token", "Token={token}", "token={token}x"])
-def test_an_address_with_another_token_opens_nothing(server, query):
-    assert ask(server, "/?" + query.format(token=server.token), Cookie=None)[0] == 403
+def test_an_address_with_another_token_opens_nothing(unmoved, query):
+    assert ask(unmoved, "/?" + query.format(token=unmoved.token), Cookie=None)[0] == 403
 
 
 def test_the_printed_address_opens_the_page_which_keeps_the_token_from_scripts_and_other_sites(server):
@@ -88,21 +88,21 @@ def test_each_review_has_a_token_of_its_own(server):
 @pytest.mark.parametrize(
     "length", ["-1", "+5", "1e3", "٣", "", " ", "99999999999999999999", str(MAX_BODY + 1), "12, 12", "0x10"]
 )
-def test_what_is_too_long_or_of_no_length_is_refused_before_it_is_read(server, length):
-    head = f"POST /api/decide HTTP/1.1\r\nHost: HOST\r\nCookie: {server.cookie}\r\nContent-Type: application/json\r\n"
-    answer = say(server, (head + f"Content-Length: {length}\r\n\r\n").encode() + b"{}")
+def test_what_is_too_long_or_of_no_length_is_refused_before_it_is_read(unmoved, length):
+    head = f"POST /api/decide HTTP/1.1\r\nHost: HOST\r\nCookie: {unmoved.cookie}\r\nContent-Type: application/json\r\n"
+    answer = say(unmoved, (head + f"Content-Length: {length}\r\n\r\n").encode() + b"{}")
     assert answer.startswith(b"HTTP/1.1 413")
-    assert is_well(server)
+    assert is_well(unmoved)
 
 
 @pytest.mark.parametrize("body", [b"{", b"[" * 50_000, b"\xff\xfe", b"nan", b"[]", b'"x"', b"null", b"1" * 20_000])
-def test_what_is_no_decision_is_refused(server, body):
-    head = f"POST /api/decide HTTP/1.1\r\nHost: HOST\r\nCookie: {server.cookie}\r\nContent-Type: application/json\r\n"
-    answer = say(server, (head + f"Content-Length: {len(body)}\r\n\r\n").encode() + body)
+def test_what_is_no_decision_is_refused(unmoved, body):
+    head = f"POST /api/decide HTTP/1.1\r\nHost: HOST\r\nCookie: {unmoved.cookie}\r\nContent-Type: application/json\r\n"
+    answer = say(unmoved, (head + f"Content-Length: {len(body)}\r\n\r\n").encode() + body)
     assert answer[:12] in (b"HTTP/1.1 400", b"HTTP/1.1 404")
     assert b"Traceback" not in answer
-    assert read_decisions(server.session.run.folder) == []
-    assert is_well(server)
+    assert read_decisions(unmoved.session.run.folder) == []
+    assert is_well(unmoved)
 
 
 @pytest.mark.parametrize(
@@ -117,12 +117,12 @@ def test_what_is_no_decision_is_refused(server, body):
         b"GET /api/../../run.json HTTP/1.1", b"GET /..%2f..%2frun.json HTTP/1.1", b"GET /page%5creview.html HTTP/1.1",
     ],
 )  # fmt: skip
-def test_a_malformed_request_is_refused_and_the_next_is_answered(server, request_line, capfd):
-    head = b"\r\nHost: HOST\r\nCookie: " + server.cookie.encode() + b"\r\nConnection: close\r\n\r\n"
-    answer = say(server, request_line + head)
+def test_a_malformed_request_is_refused_and_the_next_is_answered(unmoved, request_line, capfd):
+    head = b"\r\nHost: HOST\r\nCookie: " + unmoved.cookie.encode() + b"\r\nConnection: close\r\n\r\n"
+    answer = say(unmoved, request_line + head)
     assert b" 200 " not in answer[:20]
     assert b"Traceback" not in answer
-    assert is_well(server)
+    assert is_well(unmoved)
     assert capfd.readouterr().err == ""
 
 

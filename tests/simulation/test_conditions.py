@@ -103,6 +103,7 @@ def test_merged_clouds_are_each_lidars_own_carried_by_its_mount():
     assert scan.is_valid.all()
 
 
+@pytest.mark.slow
 def test_objects_are_judged_by_what_a_lidar_sees_from_its_own_mount():
     truth = record("city", "Avia", 4, 3, conditions=Conditions(mount=3)).truth(0)  # it looks back, the first one ahead
     assert np.mean((truth[truth >> 16 > 0] & 0xFFFF) == Label.UNLABELED) < 0.1

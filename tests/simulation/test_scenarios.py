@@ -16,7 +16,7 @@ N_SCANS = 100
 VEHICLES = {"car", "van", "truck", "trailer", "bus", "tram"}
 
 
-OFTEN = ("city", "waiting", "country")
+OFTEN = ("city", "country")
 ALL = [name if name in OFTEN else pytest.param(name, marks=pytest.mark.slow) for name in simulation.SCENARIOS]
 
 

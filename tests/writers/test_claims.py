@@ -2,6 +2,7 @@
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -47,6 +48,7 @@ def claims():
     return found
 
 
+@cache
 def sources():
     """Return the source of every function of these tests."""
     found = []

@@ -21,6 +21,18 @@ def world():
     return simulation.simulate("campus", "VLP-16", n_scans=N_SCANS, seed=31)  # slow: rko-lio begins at rest
 
 
+@pytest.fixture
+def rko_lio():
+    """Skip before bags are made where the program is not installed."""
+    pytest.importorskip("rko_lio", reason="pip install rko-lio, in an environment of its own")
+
+
+@pytest.fixture
+def loaders():
+    """Return evalio's loaders; skip before bags are made where they are not installed."""
+    return pytest.importorskip("evalio.datasets.loaders", reason="pip install evalio, in an environment of its own")
+
+
 @pytest.fixture(scope="module")
 def bags(world, tmp_path_factory):
     """Return the folders of the bag and of the same without what truly moves."""
@@ -66,8 +78,7 @@ def test_without_movers_the_imu_is_there_byte_for_byte(bags):
     assert sum(topic == "/imu" for topic, *_ in found[0]) == pytest.approx(N_SCANS * 0.1 * RATE, abs=2)
 
 
-def test_rko_lio_finds_the_path_in_both_and_none_the_worse_without_movers(world, bags, tmp_path):
-    pytest.importorskip("rko_lio", reason="pip install rko-lio, in an environment of its own")
+def test_rko_lio_finds_the_path_in_both_and_none_the_worse_without_movers(rko_lio, world, bags, tmp_path):
     off = []
     for k, bag in enumerate(bags):
         words = ["from rko_lio.cli import app; app()", str(bag), "--log_dir", str(tmp_path / str(k))]
@@ -83,8 +94,7 @@ def test_rko_lio_finds_the_path_in_both_and_none_the_worse_without_movers(world,
     assert off[1] < off[0] + 0.05
 
 
-def test_evalio_iterates_over_both_with_fewer_points_without_movers(bags):
-    loaders = pytest.importorskip("evalio.datasets.loaders", reason="pip install evalio, in an environment of its own")
+def test_evalio_iterates_over_both_with_fewer_points_without_movers(loaders, bags):
     from evalio.types import ImuMeasurement, LidarMeasurement, LidarParams
 
     counts = []
