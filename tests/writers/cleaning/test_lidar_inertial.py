@@ -21,13 +21,13 @@ def world():
     return simulation.simulate("campus", "VLP-16", n_scans=N_SCANS, seed=31)  # slow: rko-lio begins at rest
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def rko_lio():
     """Skip before bags are made where the program is not installed."""
     pytest.importorskip("rko_lio", reason="pip install rko-lio, in an environment of its own")
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def loaders():
     """Return evalio's loaders; skip before bags are made where they are not installed."""
     return pytest.importorskip("evalio.datasets.loaders", reason="pip install evalio, in an environment of its own")
