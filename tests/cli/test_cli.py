@@ -374,7 +374,7 @@ def test_confidences_are_written_on_demand_and_what_is_unsure_is_left_out(automo
     assert all((labels != Label.UNLABELED).all() for labels in labels_in(tmp_path / "out"))
 
 
-@pytest.mark.parametrize("preset", ["paper", "default"])
+@pytest.mark.parametrize("preset", [pytest.param("paper", marks=pytest.mark.slow), "default"])
 @pytest.mark.parametrize(
     "numbers",
     [[], [0], [0, 1], [0, 1, 2], range(8)],

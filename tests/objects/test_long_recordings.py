@@ -46,7 +46,7 @@ def peak(n: int) -> int:
 
 
 def test_tracking_holds_a_row_a_few_numbers_and_no_copies_for_each_segment():
-    per_segment = (peak(160) - peak(80)) / (80 * N_SEGMENTS)
+    per_segment = (peak(80) - peak(40)) / (40 * N_SEGMENTS)
     # A row of `Tracks` is 13 numbers, and is there twice while some are left out; the rest is its evidence and outline.
     assert per_segment < 8 * (2 * 13 + 24)
 

@@ -21,7 +21,7 @@ from automos.settings import load_settings
 from automos.writers.cleaning.clean import clean
 
 RUNS = [name for name in os.environ.get("AUTOMOS_RUNS", "").split(os.pathsep) if name]
-WORLDS = {"motorway_VLP-16": ("VLP-16", 20, 905), "motorway_HDL-64E": ("HDL-64E", 12, 906)}
+WORLDS = {"motorway_VLP-16": ("VLP-16", 10, 905), "motorway_HDL-64E": ("HDL-64E", 12, 906)}
 DENSE = pytest.param("motorway_HDL-64E", marks=pytest.mark.slow)
 DRIVE = pytest.param("lyft_5hz", marks=[pytest.mark.slow, pytest.mark.recordings])
 FLOATS = np.dtype([(name, "<f4") for name in ("x", "y", "z", "intensity")])
