@@ -63,6 +63,13 @@ def test_a_pause_counts_for_some_seconds_at_most_whoever_waits_for_the_end():
     assert gaps[2] == pytest.approx(LONGEST_GAP / 0.1)
 
 
+def test_a_stamp_that_goes_back_is_a_gap_of_one_and_tells_no_period():
+    running = RunningClock()
+    gaps = [running.tick(stamp)[1] for stamp in (0.0, 0.1, 0.05, 0.05, 0.0)]
+    assert gaps == [0.0, 1.0, 1.0, 1.0, 1.0]
+    assert running.period == pytest.approx(0.1)
+
+
 @pytest.mark.parametrize(
     ("stamps", "message"),
     [
