@@ -75,7 +75,7 @@ def test_a_start_is_told_from_rest_though_rings_of_ground_lie_on_rings(seed):
 def test_however_many_scans_are_lost_the_others_are_followed(city, seed, most):
     """As on a robot that is too slow: whatever was sought in the background fits what is there when it is found."""
     there = [scan.points for scan in city[:40]]
-    numbers = np.cumsum(np.random.default_rng(seed).integers(1, most, 40))
+    numbers = np.cumsum(np.random.default_rng(seed).integers(1, most, 25))
     to_and_fro = [there[min(k % 80, 79 - k % 80)] for k in numbers.tolist()]
     scans = [Scan(points, stamp=0.1 * k) for points, k in zip(to_and_fro, numbers, strict=True)]
     assert len(follow(scans, lag=0.0)) == len(scans)
@@ -115,9 +115,15 @@ def setting_off(now):
     return make_transform(t=[x, 0.0, SENSOR_HEIGHT])
 
 
-@pytest.mark.parametrize("is_raw", [True, False], ids=["raw", "compensated"])
 @pytest.mark.parametrize(
-    ("pose", "at"), [(setting_off, STANDING + 24), (curve(5.0, 0.3), 24)], ids=["from rest", "in motion"]
+    ("pose", "at", "is_raw"),
+    [
+        (setting_off, STANDING + 24, True),
+        pytest.param(setting_off, STANDING + 24, False, marks=pytest.mark.slow),
+        pytest.param(curve(5.0, 0.3), 24, True, marks=pytest.mark.slow),
+        (curve(5.0, 0.3), 24, False),
+    ],
+    ids=["raw from rest", "compensated from rest", "raw in motion", "compensated in motion"],
 )
 def test_the_timing_is_known_soon_after_the_sensor_moves_and_never_changes_back(pose, at, is_raw):
     middles = SCAN_GAP * np.arange(at + 12)

@@ -56,7 +56,9 @@ def shuffled(points, i):
 
 
 @pytest.mark.parametrize(
-    ("turn", "seam_deg"), [(-1, 180.0), (1, 180.0), (-1, 0.0)], ids=["clockwise", "counter-clockwise", "from the front"]
+    ("turn", "seam_deg"),
+    [(-1, 180.0), (1, 180.0), pytest.param(-1, 0.0, marks=pytest.mark.slow)],
+    ids=["clockwise", "counter-clockwise", "from the front"],
 )
 def test_how_the_sensor_turns_is_found_out_where_points_are_in_no_order(turn, seam_deg):
     timing = choose(raw(turn, seam_deg, shuffled))

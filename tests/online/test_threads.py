@@ -43,7 +43,7 @@ def given_back(pool, lag, monkeypatch):
     return [given for scan in SCANS for given in stream.push(scan)] + stream.finish()
 
 
-@pytest.mark.parametrize("lag", [0.0, 0.5])
+@pytest.mark.parametrize("lag", [pytest.param(0.0, marks=pytest.mark.slow), 0.5])
 def test_each_thread_may_come_first_or_last(lag, monkeypatch):
     first, last = (given_back(pool, lag, monkeypatch) for pool in (AtOnce, WhenAsked))
     assert any((given.labels == Label.MOVING).any() for given in first)

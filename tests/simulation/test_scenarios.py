@@ -16,8 +16,7 @@ N_SCANS = 100
 VEHICLES = {"car", "van", "truck", "trailer", "bus", "tram"}
 
 
-OFTEN = ("city", "country")
-ALL = [name if name in OFTEN else pytest.param(name, marks=pytest.mark.slow) for name in simulation.SCENARIOS]
+ALL = [name if name == "city" else pytest.param(name, marks=pytest.mark.slow) for name in simulation.SCENARIOS]
 
 
 @pytest.fixture(scope="module", params=ALL)

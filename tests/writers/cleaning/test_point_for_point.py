@@ -89,6 +89,7 @@ def movers_of(run):
     return sum((run.labels(index, len(run.scan(index))) == 251).sum() for index in range(len(run)))
 
 
+@pytest.mark.slow
 def test_scans_of_four_floats_come_back_as_the_bytes_they_were(run, scratch):
     written, n_points, n_left = clean(run, scratch)
     assert n_points == sum(len(run.scan(index)) for index in range(len(run)))

@@ -81,6 +81,7 @@ def test_a_drifted_round_is_closed_to_centimetres(circle):
     np.testing.assert_allclose(closed[0], np.eye(4), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_map_with_its_loops_closed_has_each_wall_once(circle, tmp_path):
     frames = SequenceFrames(circle.sequence, trajectory_of(drifted(circle.poses, 0.02, 0.0016)))
 
