@@ -119,8 +119,8 @@ def shown_intervals(tracks: Tracks, parts: Tracks, segments: Segments) -> Interv
     """Return what the segments of each row show, those of all its `parts`, by their outlines."""
     n_scans = len(segments.begins)
     row = np.searchsorted(tracks.track * n_scans + tracks.scan, parts.track * n_scans + parts.scan)
-    begin = np.flatnonzero(np.diff(row, prepend=-1))
-    terms, seen, group = segments.terms[segments.of(parts)], row[begin], np.cumsum(np.diff(row, prepend=-1) > 0) - 1
+    seen, begin, group = np.unique(row, return_index=True, return_inverse=True)
+    terms = segments.terms[segments.of(parts)]
     low, high = np.full((2, len(tracks.track), 3), np.nan)
     sensor, hidden = np.full((len(tracks.track), 2), np.nan), np.zeros((len(tracks.track), 2), np.bool_)
     turn = np.exp(-1j * tracks.yaw)

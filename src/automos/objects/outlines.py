@@ -27,9 +27,8 @@ def outlines(points: npt.NDArray, ids: npt.NDArray[np.int32], boxes: Boxes) -> n
 
 def corners(boxes: Boxes) -> npt.NDArray[np.float32]:
     """Return (S, K, 2) what `outlines` does, of segments of which only the boxes are known."""
-    along, across = 0.5 * boxes.size.T[:2, :, None] * np.exp(1j * boxes.yaw)[:, None] * np.array([[[1.0]], [[1j]]])
-    ends = (along * [1.0, 1.0, -1.0, -1.0] + across * [1.0, -1.0, -1.0, 1.0])[:, np.arange(DIRECTIONS) % 4]
-    return np.stack([ends.real, ends.imag], axis=-1).astype(np.float32)
+    ends = boxes.corners() - boxes.center[:, None, :2]
+    return ends[:, np.arange(DIRECTIONS) % 4].astype(np.float32)
 
 
 @kernel

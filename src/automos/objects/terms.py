@@ -147,13 +147,12 @@ def each_for_itself(segments: Segments, tracks: Tracks) -> Segments:
 
 def _ends(found: Detections) -> npt.NDArray[np.float32]:
     """Return (M, 2, 2) the corners of the boxes farthest to the left and to the right, NaN where they are no ends."""
-    away = (found.boxes.center[:, :2] - found.sensor) @ [1.0, 1j]
-    along, across = 0.5 * found.boxes.size.T[:2] * np.exp(1j * found.boxes.yaw) * np.array([[1.0], [1j]])
-    corners = away + np.stack([along + across, along - across, across - along, -along - across])
-    bearing = np.angle(corners * away.conj())
-    ends = np.take_along_axis(corners, np.stack([bearing.argmax(axis=0), bearing.argmin(axis=0)]), axis=0).T
+    away, corners = (found.boxes.center[:, :2] - found.sensor) @ [1.0, 1j], found.boxes.corners()
+    bearing = np.angle((corners - found.sensor[:, None]) @ [1.0, 1j] * away.conj()[:, None])
+    left_right = np.stack([bearing.argmax(axis=1), bearing.argmin(axis=1)], axis=-1)
+    ends = np.take_along_axis(corners, left_right[..., None], axis=1).astype(np.float32)
     ends[found.hidden | (found.part_of >= 0)[:, None]] = np.nan  # a piece ends where the evidence does
-    return (np.stack([ends.real, ends.imag], axis=-1) + found.sensor[:, None]).astype(np.float32)
+    return ends
 
 
 def doubted(log_ratio: Array, wrong: float) -> Array:

@@ -104,8 +104,7 @@ def follow_and_judge(scans: Scans, settings: Settings, workers: int) -> TrackedO
         return found
 
     followed = zip(stamps, map(noted, detections), strict=True)
-    tracks, parts, segments = _bodies(track_objects(followed, tracking), seen, stamps)
-    verdicts = _judged(tracks, segments, stamps)
+    tracks, parts, verdicts, segments = _bodies(track_objects(followed, tracking), seen, stamps)
     enough = ENOUGH * min(1.0, 0.5 * np.ptp(stamps)) if len(stamps) else 0.0  # less in a short recording
     is_scrap = verdicts.is_moving & is_small(parts, len(tracks), segments, stamps, enough)
     is_sure = is_scrap & (verdicts.confidence >= SCRAP)
@@ -148,8 +147,8 @@ def is_small(parts: Tracks, n: int, segments: Segments, stamps: Array, enough: f
     return ~np.isin(np.arange(n), parts.track[first[is_enough]])
 
 
-def _bodies(tracks: Tracks, seen: list[SegmentTerms], stamps: Array) -> tuple[Tracks, Tracks, Segments]:
-    """Return the rows of bodies, of the tracklets `tracks` that are one thing, those of all their parts, and `seen`.
+def _bodies(tracks: Tracks, seen: list[SegmentTerms], stamps: Array) -> tuple[Tracks, Tracks, Verdicts, Segments]:
+    """Return the rows of bodies, of the tracklets `tracks` that are one thing, all their parts, verdicts, and `seen`.
 
     Whose extent and path are known of more sights has more parts and goes on farther, until nothing more is one.
     Scenery that has to do with no body is left out.
@@ -160,7 +159,8 @@ def _bodies(tracks: Tracks, seen: list[SegmentTerms], stamps: Array) -> tuple[Tr
     is_moving, evidence = _judged(tracks, segments, stamps).is_moving, of_rows(segments.of(tracks), terms.evidence)
     tracks = parts = cut_where_two(tracks, is_moving, evidence, stamps)
     while True:
-        is_moving = _judged(tracks, segments, stamps).is_moving
+        verdicts = _judged(tracks, segments, stamps)
+        is_moving = verdicts.is_moving
         make_whole(tracks, parts, is_moving, segments, stamps)
         n_points = np.nan_to_num(of_rows(segments.of(parts), terms.counts[:, 0]))
         owner = parts_of_bodies(tracks, is_moving, np.bincount(parts.track, n_points, len(tracks)), stamps)
@@ -169,7 +169,7 @@ def _bodies(tracks: Tracks, seen: list[SegmentTerms], stamps: Array) -> tuple[Tr
         ends, beginnings = links_in_time(tracks, is_moving, is_whole, evidence, stamps)
         kept = ~is_scenery(tracks, is_moving, segments)
         if not len(ends) and np.array_equal(owner, tracks.track):
-            return of_tracks(tracks, kept), observed(of_tracks(parts, kept)), segments
+            return of_tracks(tracks, kept), observed(of_tracks(parts, kept)), verdicts[kept], segments
         kept[np.concatenate([ends, beginnings, tracks.track[owner != tracks.track]])] = True
         number, rows, first = np.cumsum(kept) - 1, kept[parts.track], tracks.first_rows()[parts.track]
         owner = number[owner[first + parts.scan - tracks.scan[first]][rows]]
