@@ -37,9 +37,8 @@ def parts_of_bodies(tracks: Tracks, is_moving: Mask, weight: npt.NDArray, times:
     apart = tracks.center[rows[end]] - tracks.center[rows[begin]] - way
     way = np.linalg.norm(way, axis=1)
     goes_with = np.linalg.norm(apart, axis=1) <= np.maximum(0.5 * way, BESIDE)
-    n_scans = np.where(way > BESIDE, n_scans, np.add.reduceat(is_inside, begin, dtype=np.int64))
+    n_scans = np.where(goes_with & (way > BESIDE), n_scans, np.add.reduceat(is_inside, begin, dtype=np.int64))
     share = n_scans / np.bincount(tracks.track[tracks.is_observed], minlength=len(tracks))[pairs[:, 0]]
-    share[~goes_with] = 0.0
     owner = np.arange(len(tracks))
     for k in np.argsort(share, kind="stable"):  # the greatest share comes last and remains
         if share[k] >= 0.5:
