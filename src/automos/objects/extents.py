@@ -23,6 +23,7 @@ Rows = npt.NDArray[np.int64]
 SURE = 3.0  # standard deviations from which on a direction is told, or two disagree
 SIDE = 0.2  # metres, standard deviation of the end of a side about the other
 SHOWN = 0.9  # quantile of the intervals of all scans that is the extent: single scans are joined with others' points
+FEW = 10.0  # points, of which the half would lie
 ROUNDS = 2  # the heading needs centres, the centres a heading
 ASKEW = 0.5  # sine of the angle to the line of sight, from which on a body's end is at its left or right side
 
@@ -55,11 +56,12 @@ def _whole_boxes(body: Tracks, parts: Tracks, segments: Segments, stamps: Array)
     x, y, low, high = of_rows(own, segments.terms.faces).T
     side = np.nan_to_num(of_rows(own, segments.terms.side)) @ (1.0, 1.0j)
     measured, yaw, length = np.stack([x, y, 0.5 * (low + high)], axis=-1), np.angle(side), np.abs(side)
+    n_points, noise = points_of(body, parts, segments), np.full(measured.shape, NOISE**2)
     for _ in range(ROUNDS):
-        body = _along(body, first, times, measured, yaw, length)
+        body = _along(body, first, times, measured, noise, yaw, length)
         seen = shown_intervals(body, parts, segments)
         body = replace(body, size=extents(first, seen.low, seen.high))
-        measured = centers(body, seen)
+        measured, noise = centers(body, seen), variances(body, n_points)
     # What is added to what a body showed lies behind it: its place there changes with the place of the sensor.
     speed = np.hypot(*body.velocity[:, :2].T)
     fastest = _usual(first, speed)
@@ -67,15 +69,33 @@ def _whole_boxes(body: Tracks, parts: Tracks, segments: Segments, stamps: Array)
     size = whole_extent(body.size[first[:-1]], is_whole, fastest)
     whole = replace(body, size=np.repeat(size, np.diff(first), axis=0))
     behind = centers(whole, seen) - measured
-    body = _along(body, first, times, measured, yaw, length)
+    body = _along(body, first, times, measured, noise, yaw, length)
     return replace(body, size=whole.size, center=body.center + smooth_paths(first, times, behind)[0])
 
 
-def _along(body: Tracks, first: Rows, times: Array, measured: Array, yaw: Array, length: Array) -> Tracks:
-    """Return the rows of bodies on smooth paths through the `measured` centres (R, 3)."""
-    path, velocity, _ = smooth_paths(first, times, measured)
+def _along(
+    body: Tracks, first: Rows, times: Array, measured: Array, noise: Array, yaw: Array, length: Array
+) -> Tracks:
+    """Return the rows of bodies on smooth paths through the `measured` centres (R, 3), of variances `noise` (R, 3)."""
+    path, velocity, _ = smooth_paths(first, times, measured, noise)
     heading = headings(first, times, path, yaw, length)
     return replace(body, center=path, yaw=heading, velocity=velocity)
+
+
+def points_of(tracks: Tracks, parts: Tracks, segments: Segments) -> Array:
+    """Return (R,) how many points all `parts` of each row have."""
+    n_scans = len(segments.begins)
+    row = np.searchsorted(tracks.track * n_scans + tracks.scan, parts.track * n_scans + parts.scan)
+    return np.bincount(row, segments.terms.counts[segments.of(parts), 0], len(tracks.track))
+
+
+def variances(tracks: Tracks, n_points: Array) -> Array:
+    """Return (R, 3) m^2 along x, y and z: how far measured centres are off, of few points as far as these may lie."""
+    turn = np.abs(np.stack([np.cos(tracks.yaw), np.sin(tracks.yaw)], axis=-1))
+    across = np.hypot(*(turn * tracks.size[:, 1::-1]).T)
+    along = np.hypot(*(turn * tracks.size[:, :2]).T)
+    sides = np.stack([along, across, tracks.size[:, 2]], axis=-1)
+    return NOISE**2 + sides**2 / 12.0 / (1.0 + n_points[:, None] / FEW)
 
 
 def headings(first: Rows, times: Array, path: Array, yaw: Array, length: Array) -> Array:

@@ -22,14 +22,17 @@ ACCELERATION = 1.5  # m/s per square root of a second, random walk of the veloci
 AROUND = 0.5  # seconds before and after a scan, at least, over which a way is told
 
 
-def smooth_paths(first: Rows, times: Array, measured: Array) -> tuple[Array, Array, Array]:
+def smooth_paths(
+    first: Rows, times: Array, measured: Array, noise: npt.ArrayLike = NOISE**2
+) -> tuple[Array, Array, Array]:
     """Return positions (R, D), velocities (R, D), and the variance of a velocity (R,), given all scans of each path.
 
     first : (P + 1,) where each path begins among the rows.   times : (R,) seconds.
-    measured : (R, D) metres; NaN where a path was not observed.
+    measured : (R, D) metres; NaN where a path was not observed.   noise : (R, D) or one, variance of these, m^2.
     """
     position, velocity, variance = np.empty_like(measured), np.empty_like(measured), np.empty(len(times))
-    _smooth_paths(first, times, np.ascontiguousarray(measured), NOISE**2, ACCELERATION**2, position, velocity, variance)
+    measured, noise = np.ascontiguousarray(measured), np.broadcast_to(noise, measured.shape).copy()
+    _smooth_paths(first, times, measured, noise, ACCELERATION**2, position, velocity, variance)
     return position, velocity, variance
 
 
@@ -37,7 +40,7 @@ def smooth_paths(first: Rows, times: Array, measured: Array) -> tuple[Array, Arr
 def smooth(t, z, variance, jerkiness):  # type: ignore[no-untyped-def]
     """Return smoothed positions, velocities and variances of velocities (T,) at times `t` (T,).
 
-    z : (T,) measured, NaN where missed.   variance : of a measurement, m^2.   jerkiness : q, m^2/s^3.
+    z, variance : (T,) measured, NaN where missed, and its variance, m^2.   jerkiness : q, m^2/s^3.
 
     Equation: box-motion
     """
@@ -57,7 +60,7 @@ def smooth(t, z, variance, jerkiness):  # type: ignore[no-untyped-def]
         c += jerkiness * dt
         ahead[i, 0], ahead[i, 1], ahead[i, 2], ahead[i, 3], ahead[i, 4] = x, v, a, b, c
         if not np.isnan(z[i]):
-            off, gain_x, gain_v = z[i] - x, a / (a + variance), b / (a + variance)
+            off, gain_x, gain_v = z[i] - x, a / (a + variance[i]), b / (a + variance[i])
             x, v = x + gain_x * off, v + gain_v * off
             a, b, c = a - gain_x * a, b - gain_x * b, c - gain_v * b
         now[i, 0], now[i, 1], now[i, 2], now[i, 3], now[i, 4] = x, v, a, b, c
@@ -85,7 +88,8 @@ def _smooth_paths(first, times, measured, noise, jerkiness, position, velocity, 
     for k in range(len(first) - 1):
         rows = slice(first[k], first[k + 1])
         for axis in range(measured.shape[1]):
-            x, v, variance[rows] = smooth(times[rows], measured[rows, axis].copy(), noise, jerkiness)
+            z = measured[rows, axis].copy()
+            x, v, variance[rows] = smooth(times[rows], z, noise[rows, axis].copy(), jerkiness)
             position[rows, axis], velocity[rows, axis] = x, v
 
 
