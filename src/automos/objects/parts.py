@@ -25,9 +25,12 @@ def parts_of_bodies(tracks: Tracks, is_moving: Mask, weight: npt.NDArray, times:
 
     tracks : whole boxes of the moving ones.   weight : (T,) points over life.   times : (N,) seconds of the scans.
     """
-    bodies = _with_foretold(tracks[np.flatnonzero(is_moving[tracks.track])], times)
+    moving = tracks[np.flatnonzero(is_moving[tracks.track])]
+    bodies = _with_foretold(moving, times)
+    is_foretold = np.arange(len(bodies.track)) >= len(moving.track)
     rows, body_rows = _enclosed(tracks, bodies)
     lighter = weight[tracks.track[rows]] < weight[bodies.track[body_rows]]
+    lighter |= is_foretold[body_rows] & ~is_moving[tracks.track[rows]]
     rows, body_rows = rows[lighter], body_rows[lighter]
     is_inside = lies_within(tracks[rows], bodies[body_rows], NOISE)
     part, body = tracks.track[rows], bodies.track[body_rows]
@@ -37,18 +40,30 @@ def parts_of_bodies(tracks: Tracks, is_moving: Mask, weight: npt.NDArray, times:
     apart = tracks.center[rows[end]] - tracks.center[rows[begin]] - way
     way = np.linalg.norm(way, axis=1)
     goes_with = np.linalg.norm(apart, axis=1) <= np.maximum(0.5 * way, BESIDE)
+    first, n_foretold = tracks.first_rows(), np.add.reduceat(is_foretold[body_rows], begin, dtype=np.int64)
+    last = np.append(first[1:], len(tracks.track))[: len(first)] - 1
+    gone = np.linalg.norm(tracks.center[last] - tracks.center[first], axis=1)[pairs[:, 0]]
+    at_rest = 2 * n_foretold > n_scans
+    comes_or_goes = at_rest & (gone > 0.5 * bodies.size[body_rows[begin], 1])
     n_scans = np.where(goes_with & (way > BESIDE), n_scans, np.add.reduceat(is_inside, begin, dtype=np.int64))
+    t = times[bodies.scan[body_rows]]
+    first_b = np.searchsorted(moving.track, np.arange(len(tracks)))
+    begins, ends = (np.append(times[moving.scan], 0.0)[k] for k in (first_b, np.searchsorted(moving.track, np.arange(len(tracks)), side="right") - 1))
+    gap = np.minimum.reduceat(np.maximum(np.maximum(begins[body] - t, t - ends[body]), 0.0), begin) if len(begin) else np.zeros(0)
+    n_scans[comes_or_goes | (gap > 5.0)] = 0
     share = n_scans / np.bincount(tracks.track[tracks.is_observed], minlength=len(tracks))[pairs[:, 0]]
-    owner = np.arange(len(tracks))
+    owner, is_whole = np.arange(len(tracks)), np.zeros(len(tracks), np.bool_)
     for k in np.argsort(share, kind="stable"):  # the greatest share comes last and remains
         if share[k] >= 0.5:
-            owner[pairs[k, 0]] = pairs[k, 1]
+            owner[pairs[k, 0]], is_whole[pairs[k, 0]] = pairs[k, 1], at_rest[k]
     root = owner.copy()
     while not np.array_equal(root, root[root]):  # ends, as each owner is heavier
         root = root[root]
     out = tracks.track.copy()
     is_theirs = owner[part] == body
     out[rows[is_theirs]] = root[part[is_theirs]]
+    whole = is_whole[tracks.track]
+    out[whole] = root[tracks.track[whole]]
     return out
 
 
@@ -65,10 +80,13 @@ def _with_foretold(bodies: Tracks, times: npt.NDArray) -> Tracks:
         t, half_width = times[bodies.scan[ends]], 0.5 * bodies.size[ends, :2].min(axis=1)
         until = t + step * np.cbrt(3.0 * (half_width / ACCELERATION) ** 2)
         scan = np.searchsorted(times, until, "right" if step > 0 else "left") - (step > 0)
+        stands = np.hypot(*bodies.velocity[ends, :2].T) < 3.0 * NOISE
+        scan = np.where(stands, len(times) - 1 if step > 0 else 0, scan)
         n = np.maximum(step * (scan - bodies.scan[ends]), 0)
         row = np.repeat(ends, n)
         scan = bodies.scan[row] + step * counted(n)
-        center = bodies.center[row] + bodies.velocity[row] * (times[scan] - times[bodies.scan[row]])[:, None]
+        moves = np.repeat(~stands, n)[:, None]
+        center = bodies.center[row] + moves * bodies.velocity[row] * (times[scan] - times[bodies.scan[row]])[:, None]
         found.append(replace(bodies[row], scan=scan, segment=np.full(len(row), -1), center=center))
     return Tracks(*map(np.concatenate, zip(*(some.to_arrays().values() for some in found), strict=True)))
 

@@ -170,10 +170,9 @@ def _bodies(tracks: Tracks, seen: list[SegmentTerms], stamps: Array) -> tuple[Tr
         kept = ~is_scenery(tracks, is_moving, segments)
         if not len(ends) and np.array_equal(owner, tracks.track):
             return of_tracks(tracks, kept), observed(of_tracks(parts, kept)), verdicts[kept], segments
-        kept[np.concatenate([ends, beginnings, tracks.track[owner != tracks.track]])] = True
-        number, rows, first = np.cumsum(kept) - 1, kept[parts.track], tracks.first_rows()[parts.track]
-        owner = number[owner[first + parts.scan - tracks.scan[first]][rows]]
-        tracks, parts = joined(of_tracks(parts, kept), owner, number[ends], number[beginnings], n_points[rows])
+        first = tracks.first_rows()[parts.track]
+        owner = owner[first + parts.scan - tracks.scan[first]]
+        tracks, parts = joined(parts, owner, ends, beginnings, n_points)
 
 
 def find_places(
