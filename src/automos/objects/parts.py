@@ -50,7 +50,8 @@ def parts_of_bodies(tracks: Tracks, is_moving: Mask, weight: npt.NDArray, times:
     first_b = np.searchsorted(moving.track, np.arange(len(tracks)))
     begins, ends = (np.append(times[moving.scan], 0.0)[k] for k in (first_b, np.searchsorted(moving.track, np.arange(len(tracks)), side="right") - 1))
     gap = np.minimum.reduceat(np.maximum(np.maximum(begins[body] - t, t - ends[body]), 0.0), begin) if len(begin) else np.zeros(0)
-    n_scans[comes_or_goes | (gap > 5.0)] = 0
+    slips = np.maximum(0.5 * way, 0.5 * tracks.size[rows[begin], 0])
+    n_scans[comes_or_goes | (gap > 5.0) | (is_moving[pairs[:, 0]] & (np.linalg.norm(apart, axis=1) > slips))] = 0
     share = n_scans / np.bincount(tracks.track[tracks.is_observed], minlength=len(tracks))[pairs[:, 0]]
     owner, is_whole = np.arange(len(tracks)), np.zeros(len(tracks), np.bool_)
     for k in np.argsort(share, kind="stable"):  # the greatest share comes last and remains
