@@ -23,13 +23,12 @@ from automos.core.scan import Mask
 from automos.objects.association import LEAST_SIDE, assign
 from automos.objects.looks import looks
 from automos.objects.motion import ACCELERATION, NOISE, smooth_paths
-from automos.objects.parts import lies_within
+from automos.objects.parts import LONGEST, lies_within
 from automos.objects.tracker import until_last_seen
 from automos.objects.tracks import Tracks, observed, without_gaps
 
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
-LONGEST = 5.0  # seconds between the end of one tracklet and the beginning of the next that may be one body
 REACH = 3.0  # standard deviations
 BIRTHS = 3e-4
 """Bodies that come into sight, per square metre and square metre per second squared: the alternative to a link."""

@@ -73,9 +73,7 @@ def _whole_boxes(body: Tracks, parts: Tracks, segments: Segments, stamps: Array)
     return replace(body, size=whole.size, center=body.center + smooth_paths(first, times, behind)[0])
 
 
-def _along(
-    body: Tracks, first: Rows, times: Array, measured: Array, noise: Array, yaw: Array, length: Array
-) -> Tracks:
+def _along(body: Tracks, first: Rows, times: Array, measured: Array, noise: Array, yaw: Array, length: Array) -> Tracks:
     """Return the rows of bodies on smooth paths through the `measured` centres (R, 3), of variances `noise` (R, 3)."""
     path, velocity, _ = smooth_paths(first, times, measured, noise)
     heading = headings(first, times, path, yaw, length)

@@ -1,8 +1,10 @@
 """Parts: which tracklets are pieces of a moving body.
 
 Two solid bodies are never in one place. So a tracklet that lies within a moving body's box in most of its scans is a
-part of it: a wheel, the edge of a roof. So is what goes with it beside it, as a mirror; of a body that stands, nobody
-can tell that. So is what lies where the body must be, shortly before it is first followed and after it is last.
+part of it: a wheel, the edge of a roof; but what moves by itself, and goes from it by more than half of its own length,
+is another body. So is a part what goes with a body beside it, as a mirror; of a body that stands, nobody can tell that.
+So is what lies where the body must be, shortly before it is first followed and after it is last. Where it stands then,
+all that stays there is its own, as long as something is seen there.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 from automos.core.scan import Mask
 from automos.objects.motion import ACCELERATION, NOISE
@@ -18,54 +21,73 @@ from automos.objects.tracks import Tracks, counted
 
 Rows = npt.NDArray[np.int64]
 BESIDE = 0.3  # metres around a body's box in which its parts lie
+LONGEST = 5.0  # seconds out of sight after which a body is another
 
 
 def parts_of_bodies(tracks: Tracks, is_moving: Mask, weight: npt.NDArray, times: npt.NDArray) -> Rows:
     """Return (R,) for each row the track that it is a part of: its own, or a heavier moving one whose box it lies in.
 
+    What stays where a body stands before or after it is followed may be heavier.
+
     tracks : whole boxes of the moving ones.   weight : (T,) points over life.   times : (N,) seconds of the scans.
     """
-    moving = tracks[np.flatnonzero(is_moving[tracks.track])]
-    bodies = _with_foretold(moving, times)
-    is_foretold = np.arange(len(bodies.track)) >= len(moving.track)
+    bodies = _with_foretold(tracks[np.flatnonzero(is_moving[tracks.track])], times)
     rows, body_rows = _enclosed(tracks, bodies)
     lighter = weight[tracks.track[rows]] < weight[bodies.track[body_rows]]
-    lighter |= is_foretold[body_rows] & ~is_moving[tracks.track[rows]]
     rows, body_rows = rows[lighter], body_rows[lighter]
     is_inside = lies_within(tracks[rows], bodies[body_rows], NOISE)
     part, body = tracks.track[rows], bodies.track[body_rows]
     pairs, begin, n_scans = _grouped(part, body)
     end = begin + n_scans - 1
     way = bodies.center[body_rows[end]] - bodies.center[body_rows[begin]]
-    apart = tracks.center[rows[end]] - tracks.center[rows[begin]] - way
+    apart = np.linalg.norm(tracks.center[rows[end]] - tracks.center[rows[begin]] - way, axis=1)
     way = np.linalg.norm(way, axis=1)
-    goes_with = np.linalg.norm(apart, axis=1) <= np.maximum(0.5 * way, BESIDE)
-    first, n_foretold = tracks.first_rows(), np.add.reduceat(is_foretold[body_rows], begin, dtype=np.int64)
-    last = np.append(first[1:], len(tracks.track))[: len(first)] - 1
-    gone = np.linalg.norm(tracks.center[last] - tracks.center[first], axis=1)[pairs[:, 0]]
-    at_rest = 2 * n_foretold > n_scans
-    comes_or_goes = at_rest & (gone > 0.5 * bodies.size[body_rows[begin], 1])
-    n_scans = np.where(goes_with & (way > BESIDE), n_scans, np.add.reduceat(is_inside, begin, dtype=np.int64))
-    t = times[bodies.scan[body_rows]]
-    first_b = np.searchsorted(moving.track, np.arange(len(tracks)))
-    begins, ends = (np.append(times[moving.scan], 0.0)[k] for k in (first_b, np.searchsorted(moving.track, np.arange(len(tracks)), side="right") - 1))
-    gap = np.minimum.reduceat(np.maximum(np.maximum(begins[body] - t, t - ends[body]), 0.0), begin) if len(begin) else np.zeros(0)
-    slips = np.maximum(0.5 * way, 0.5 * tracks.size[rows[begin], 0])
-    n_scans[comes_or_goes | (gap > 5.0) | (is_moving[pairs[:, 0]] & (np.linalg.norm(apart, axis=1) > slips))] = 0
+    goes_with = (way > BESIDE) & (apart <= np.maximum(0.5 * way, BESIDE))
+    goes_away = is_moving[pairs[:, 0]] & (apart > 0.5 * np.maximum(way, tracks.size[rows[begin], 0]))
+    n_scans = np.where(goes_with, n_scans, np.add.reduceat(is_inside, begin, dtype=np.int64))
     share = n_scans / np.bincount(tracks.track[tracks.is_observed], minlength=len(tracks))[pairs[:, 0]]
-    owner, is_whole = np.arange(len(tracks)), np.zeros(len(tracks), np.bool_)
+    share[goes_away] = 0.0
+    owner = np.arange(len(tracks))
     for k in np.argsort(share, kind="stable"):  # the greatest share comes last and remains
         if share[k] >= 0.5:
-            owner[pairs[k, 0]], is_whole[pairs[k, 0]] = pairs[k, 1], at_rest[k]
+            owner[pairs[k, 0]] = pairs[k, 1]
+    rest, of_rest = _at_rest(tracks, is_moving, times)
+    is_free = owner[rest] == rest
+    owner[rest[is_free]] = of_rest[is_free]
     root = owner.copy()
-    while not np.array_equal(root, root[root]):  # ends, as each owner is heavier
+    while not np.array_equal(root, root[root]):  # ends, as each owner moves, and is heavier than what moves
         root = root[root]
-    out = tracks.track.copy()
-    is_theirs = owner[part] == body
-    out[rows[is_theirs]] = root[part[is_theirs]]
-    whole = is_whole[tracks.track]
-    out[whole] = root[tracks.track[whole]]
-    return out
+    is_theirs = np.isin(tracks.track, rest[is_free])
+    is_theirs[rows[owner[part] == body]] = True
+    return np.where(is_theirs, root[tracks.track], tracks.track)
+
+
+def _at_rest(tracks: Tracks, is_moving: Mask, times: npt.NDArray) -> tuple[Rows, Rows]:
+    """Return the tracks (K,) that stay where another one stands at its end or beginning, after or before, and those.
+
+    Of several, what stands there last before, or first after, comes last.
+    """
+    first, n = tracks.first_rows(), np.bincount(tracks.track, minlength=len(tracks))
+    middle, last = first + n // 2, first + n - 1
+    stays = np.flatnonzero(~is_moving)
+    gone = np.linalg.norm(tracks.center[last] - tracks.center[first], axis=1)
+    stands = is_moving & np.stack([np.hypot(*tracks.velocity[ends, :2].T) < 3.0 * NOISE for ends in (first, last)])
+    found = [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))]
+    tree = cKDTree(tracks.center[middle[stays], :2])
+    for ends, their, step, is_standing in ((first, last, -1, stands[0]), (last, first, 1, stands[1])):
+        body = np.flatnonzero(is_standing)
+        reach = 0.5 * np.hypot(*tracks.size[ends[body], :2].T) + NOISE
+        near = tree.query_ball_point(tracks.center[ends[body], :2], reach)
+        body = np.repeat(body, [len(some) for some in near])
+        part = stays[np.fromiter((k for some in near for k in some), np.int64, len(body))]
+        wait = step * (times[tracks.scan[their[part]]] - times[tracks.scan[ends[body]]])
+        is_there = lies_within(tracks[middle[part]], tracks[ends[body]], NOISE) & (wait <= LONGEST)
+        is_there &= step * (tracks.scan[middle[part]] - tracks.scan[ends[body]]) > 0
+        is_there &= gone[part] <= 0.5 * tracks.size[ends[body], 1]
+        found.append((part[is_there], body[is_there], wait[is_there]))
+    part, body, wait = (np.concatenate(column) for column in zip(*found, strict=True))
+    order = np.argsort(-wait, kind="stable")
+    return part[order], body[order]
 
 
 def _with_foretold(bodies: Tracks, times: npt.NDArray) -> Tracks:
@@ -81,13 +103,10 @@ def _with_foretold(bodies: Tracks, times: npt.NDArray) -> Tracks:
         t, half_width = times[bodies.scan[ends]], 0.5 * bodies.size[ends, :2].min(axis=1)
         until = t + step * np.cbrt(3.0 * (half_width / ACCELERATION) ** 2)
         scan = np.searchsorted(times, until, "right" if step > 0 else "left") - (step > 0)
-        stands = np.hypot(*bodies.velocity[ends, :2].T) < 3.0 * NOISE
-        scan = np.where(stands, len(times) - 1 if step > 0 else 0, scan)
         n = np.maximum(step * (scan - bodies.scan[ends]), 0)
         row = np.repeat(ends, n)
         scan = bodies.scan[row] + step * counted(n)
-        moves = np.repeat(~stands, n)[:, None]
-        center = bodies.center[row] + moves * bodies.velocity[row] * (times[scan] - times[bodies.scan[row]])[:, None]
+        center = bodies.center[row] + bodies.velocity[row] * (times[scan] - times[bodies.scan[row]])[:, None]
         found.append(replace(bodies[row], scan=scan, segment=np.full(len(row), -1), center=center))
     return Tracks(*map(np.concatenate, zip(*(some.to_arrays().values() for some in found), strict=True)))
 
