@@ -108,9 +108,9 @@ def _tracking(points: np.ndarray) -> None:
         np.zeros((1, 3)),
     )
     paint_objects(points * np.float32(0.1), about, found, box, observed(box), completion, is_told_apart=True)
-    smooth(np.arange(len(points)) * 0.1, points[:, 0].astype(float), 0.01, 1.0)
-    smooth(np.arange(len(points)) * 0.1, np.full(len(points), np.nan), 0.01, 1.0)
-    smooth(points[:, 1].astype(float), points[:, 0].astype(float), 0.01, 1.0)
+    smooth(np.arange(len(points)) * 0.1, points[:, 0].astype(float), np.full(len(points), 0.01), 1.0)
+    smooth(np.arange(len(points)) * 0.1, np.full(len(points), np.nan), np.full(len(points), 0.01), 1.0)
+    smooth(points[:, 1].astype(float), points[:, 0].astype(float), np.full(len(points), 0.01), 1.0)
     values = points.astype(float)
     columns = places.touched_columns(make_boxes(np.clip(np.nan_to_num(points), -50, 50)))
     places.held_places(points, some, ~some, columns)

@@ -42,11 +42,51 @@ def test_what_is_left_of_a_car_to_see_as_it_leaves_sight_is_its_part():
     before, after = np.arange(4, 9), np.arange(31, 36)
     scraps = [track(1, before, 0.5 * before + 1.5, size=small), track(2, after, 0.5 * after - 1.5, size=small)]
     late = np.arange(48, 53)  # two seconds after: nobody knows where the car is
-    others = [track(3, after, 16.0, size=small), track(4, late, 0.5 * late, size=small)]
+    post = np.arange(20, 44)  # seen longer than the car can be there
+    others = [track(3, post, 16.0, size=small), track(4, late, 0.5 * late, size=small)]
     tracks, is_moving = Tracks.concatenate([car, *scraps, *others]), np.arange(5) == 0
     bodies, parts = body_of(tracks, is_moving, np.array([200.0, 5.0, 5.0, 5.0, 5.0]))
-    assert sorted(np.bincount(parts.track)) == [5, 5, 30]
+    assert sorted(np.bincount(parts.track)) == [5, 24, 30]
     assert len(bodies) == 3
+
+
+def test_all_that_stays_where_a_car_stands_is_its_part_as_long_as_something_is_seen_there():
+    scans, small = np.arange(10), (0.5, 0.5, 0.5)
+    car = track(0, scans, 0.05 * scans)
+    there = [track(1, np.arange(14, 30), 1.5, size=small), track(2, np.arange(32, 60), -1.0, 0.5, size=small)]
+    beside = track(3, np.arange(14, 30), 1.5, 2.0, size=small)
+    tracks, n_points = Tracks.concatenate([car, *there, beside]), np.array([20.0, 90.0, 90.0, 90.0])
+    is_moving = np.arange(4) == 0
+    for _ in range(2):  # what is seen next is known once what was seen before is
+        bodies, parts = body_of(tracks, is_moving, n_points)
+        tracks, is_moving, n_points = parts, np.arange(len(bodies)) == 0, np.full(len(bodies), 20.0)
+    assert len(bodies) == 2
+    assert bodies.scan[bodies.track == 0].max() == 59
+
+
+def test_what_comes_or_goes_where_a_car_stood_and_what_is_there_much_later_is_another():
+    scans = np.arange(5)
+    car, comes = track(0, scans, 0.0), track(1, np.arange(9, 30), np.maximum(4.0 - 0.5 * np.arange(21), 0.0))
+    much_later = track(2, np.arange(58, 60), 0.0)
+    tracks = Tracks.concatenate([car, comes, much_later])
+    owner = parts_of_bodies(tracks, np.arange(3) == 0, np.array([9.0, 90.0, 9.0]), TIMES)
+    np.testing.assert_array_equal(owner, tracks.track)
+
+
+def test_a_slip_of_the_body_does_not_make_what_stands_in_it_another():
+    scans = np.arange(30)
+    car, door = track(0, scans, np.where(scans < 20, 0.0, 1.0)), track(1, scans, 0.5, size=(0.5, 0.5, 0.5))
+    tracks = Tracks.concatenate([car, door])
+    owner = parts_of_bodies(tracks, np.array([True, False]), np.array([90.0, 9.0]), TIMES)
+    assert (owner == 0).all()
+
+
+def test_a_person_who_goes_through_a_box_is_another_body():
+    scans = np.arange(30)
+    car, person = track(0, scans, 0.0), track(1, scans, -1.5 + 0.1 * scans, size=(0.5, 0.5, 1.7))
+    tracks = Tracks.concatenate([car, person])
+    owner = parts_of_bodies(tracks, np.array([True, True]), np.array([90.0, 9.0]), TIMES)
+    np.testing.assert_array_equal(owner, tracks.track)
 
 
 def test_the_roof_of_a_lorry_goes_with_its_wheels_and_a_bridge_does_not():

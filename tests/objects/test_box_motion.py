@@ -21,7 +21,7 @@ def by_least_squares(t, z, variance, jerkiness):
         if not np.isnan(z[i]):
             row = np.zeros(2 * n)
             row[2 * i] = 1.0
-            add(row, z[i], np.sqrt(variance))
+            add(row, z[i], np.sqrt(variance[i]))
     for i in range(n - 1):
         dt = t[i + 1] - t[i]
         Q = jerkiness * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
@@ -40,17 +40,19 @@ def by_least_squares(t, z, variance, jerkiness):
     return x[::2], x[1::2], np.diag(np.linalg.inv(A.T @ A))[1::2]
 
 
-def test_it_is_the_least_squares_estimate_with_and_without_gaps():
+@pytest.mark.parametrize("unevenness", [0.0, 0.2])
+def test_it_is_the_least_squares_estimate_with_and_without_gaps(unevenness):
     z = 3.0 + 2.0 * T + 0.3 * np.random.default_rng(1).standard_normal(len(T))
     z[5:9] = np.nan
-    for got, expected in zip(smooth(T, z, 0.04, 2.0), by_least_squares(T, z, 0.04, 2.0), strict=True):
+    noise = 0.04 + unevenness * np.arange(len(T))
+    for got, expected in zip(smooth(T, z, noise, 2.0), by_least_squares(T, z, noise, 2.0), strict=True):
         np.testing.assert_allclose(got, expected, atol=1e-6)
 
 
 def test_even_motion_is_kept_and_gaps_are_filled_on_the_line():
     z = 1.0 - 4.0 * T
     z[8:14] = z[:2] = np.nan
-    x, v, _ = smooth(T, z, 0.15**2, ACCELERATION**2)
+    x, v, _ = smooth(T, z, np.full(len(T), 0.15**2), ACCELERATION**2)
     np.testing.assert_allclose(x, 1.0 - 4.0 * T, atol=1e-3)
     np.testing.assert_allclose(v, -4.0, atol=1e-2)
 
@@ -58,14 +60,14 @@ def test_even_motion_is_kept_and_gaps_are_filled_on_the_line():
 def test_a_stop_is_seen_in_time():
     t = 0.1 * np.arange(60)
     z = np.minimum(t, 3.0) * 5.0 + 0.1 * np.random.default_rng(2).standard_normal(60)
-    _, v, _ = smooth(t, z, 0.15**2, ACCELERATION**2)
+    _, v, _ = smooth(t, z, np.full(60, 0.15**2), ACCELERATION**2)
     assert abs(v[:20]).min() > 4.0
     assert abs(v[42:]).max() < 0.7
 
 
 @pytest.mark.parametrize("n", [1, 2])
 def test_short_tracks_have_states(n):
-    x, v, _ = smooth(T[:n], np.arange(n, dtype=float), 0.02, 2.0)
+    x, v, _ = smooth(T[:n], np.arange(n, dtype=float), np.full(n, 0.02), 2.0)
     assert np.isfinite(x).all()
     assert np.isfinite(v).all()
 
@@ -74,10 +76,11 @@ def test_paths_are_smoothed_each_by_itself():
     first, times = np.array([0, 5, 8]), np.r_[0.1 * np.arange(5), 0.2 * np.arange(3)]
     measured = np.random.default_rng(3).normal(size=(8, 2))
     measured[2] = np.nan
-    position, velocity, variance = smooth_paths(first, times, measured)
+    noise = NOISE**2 * np.arange(1.0, 17.0).reshape(8, 2)
+    position, velocity, variance = smooth_paths(first, times, measured, noise)
     for rows in (slice(0, 5), slice(5, 8)):
         for axis in range(2):
-            x, v, of_v = smooth(times[rows], measured[rows, axis].copy(), NOISE**2, ACCELERATION**2)
+            x, v, of_v = smooth(times[rows], measured[rows, axis].copy(), noise[rows, axis].copy(), ACCELERATION**2)
             np.testing.assert_array_equal(position[rows, axis], x)
             np.testing.assert_array_equal(velocity[rows, axis], v)
-            np.testing.assert_array_equal(variance[rows], of_v)
+            np.testing.assert_array_equal(variance[rows, axis], of_v)

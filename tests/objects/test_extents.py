@@ -16,20 +16,25 @@ def rows(n: int, center: np.ndarray) -> Tracks:
     )
 
 
-def segments_of(own: Boxes, sensor: np.ndarray, hidden: np.ndarray | None = None) -> Segments:
-    """Return segments of which each scan has one, with the boxes `own`."""
+def segments_of(
+    own: Boxes, sensor: np.ndarray, hidden: np.ndarray | None = None, n_points: np.ndarray | None = None
+) -> Segments:
+    """Return segments of which each scan has one, with the boxes `own`, of a thousand points if none are given."""
     none, hidden = np.zeros(1), np.zeros((len(own), 2), np.bool_) if hidden is None else hidden
+    n_points = np.full(len(own), 1e3) if n_points is None else n_points
     found = (
-        Detections.of_objects(own[at], none, none, none, hidden=hidden[at], sensor=tuple(sensor[at[0], :2]))
+        Detections.of_objects(own[at], n_points[at], none, none, hidden=hidden[at], sensor=tuple(sensor[at[0], :2]))
         for at in np.arange(len(own))[:, None]
     )
     return Segments.of_scans(list(map(segment_terms, found)))
 
 
-def made_whole(own: Boxes, sensor: np.ndarray, hidden: np.ndarray | None = None) -> Tracks:
+def made_whole(
+    own: Boxes, sensor: np.ndarray, hidden: np.ndarray | None = None, n_points: np.ndarray | None = None
+) -> Tracks:
     """Return the whole boxes of a body of which each scan shows one of the boxes `own`, ten scans a second."""
-    tracks = rows(len(own), own.center.copy())
-    make_whole(tracks, tracks, np.ones(1, np.bool_), segments_of(own, sensor, hidden), 0.1 * np.arange(len(own)))
+    tracks, segments = rows(len(own), own.center.copy()), segments_of(own, sensor, hidden, n_points)
+    make_whole(tracks, tracks, np.ones(1, np.bool_), segments, 0.1 * np.arange(len(own)))
     return tracks
 
 
@@ -181,3 +186,15 @@ def test_what_does_not_move_keeps_its_box_at_rest():
     make_whole(tracks, tracks, np.zeros(1, np.bool_), segments_of(own, np.zeros((3, 2))), np.arange(3.0))
     assert not tracks.velocity.any()
     np.testing.assert_array_equal(tracks.size, 1.0)
+
+
+def test_a_scrap_of_a_car_says_little_of_where_the_car_is():
+    n = 40
+    center, size = np.tile([20.0, 5.0, 1.0], (n, 1)), np.tile([4.5, 1.8, 1.5], (n, 1))
+    n_points = np.full(n, 500.0)
+    scrap = np.arange(18, 22)  # for a moment only a piece of its roof is seen
+    center[scrap], size[scrap], n_points[scrap] = (21.5, 5.5, 1.6), (0.4, 0.2, 0.1), 5.0
+    own = Boxes(center, size, np.zeros(n), np.ones(n))
+    found = made_whole(own, np.tile([0.0, 0.0, 1.5], (n, 1)), n_points=n_points)
+    off = np.linalg.norm((found.center - [20.0, 5.0, 1.0])[:, :2], axis=1)
+    assert off.max() < 0.4

@@ -56,7 +56,7 @@ def cut_where_two(tracks: Tracks, is_moving: Mask, evidence: Array, times: Array
     for side in (-1.0, 0.0, 1.0):
         position, velocity, variance = smooth_paths(bounds, t, seen.center + side * to_end)
         at_side = replace(seen, center=position, velocity=velocity)
-        scores.append(_link_score(at_side, rows - 1, rows, gap, variance, side != 0.0))
+        scores.append(_link_score(at_side, rows - 1, rows, gap, variance[:, 0], side != 0.0))
     score = np.max(scores, axis=0)
     about = evidence[at]
     away = _share_away(seen)

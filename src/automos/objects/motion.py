@@ -25,12 +25,12 @@ AROUND = 0.5  # seconds before and after a scan, at least, over which a way is t
 def smooth_paths(
     first: Rows, times: Array, measured: Array, noise: npt.ArrayLike = NOISE**2
 ) -> tuple[Array, Array, Array]:
-    """Return positions (R, D), velocities (R, D), and the variance of a velocity (R,), given all scans of each path.
+    """Return positions, velocities and the variances of velocities, (R, D) each, given all scans of each path.
 
     first : (P + 1,) where each path begins among the rows.   times : (R,) seconds.
     measured : (R, D) metres; NaN where a path was not observed.   noise : (R, D) or one, variance of these, m^2.
     """
-    position, velocity, variance = np.empty_like(measured), np.empty_like(measured), np.empty(len(times))
+    position, velocity, variance = (np.empty_like(measured) for _ in range(3))
     measured, noise = np.ascontiguousarray(measured), np.broadcast_to(noise, measured.shape).copy()
     _smooth_paths(first, times, measured, noise, ACCELERATION**2, position, velocity, variance)
     return position, velocity, variance
@@ -89,8 +89,8 @@ def _smooth_paths(first, times, measured, noise, jerkiness, position, velocity, 
         rows = slice(first[k], first[k + 1])
         for axis in range(measured.shape[1]):
             z = measured[rows, axis].copy()
-            x, v, variance[rows] = smooth(times[rows], z, noise[rows, axis].copy(), jerkiness)
-            position[rows, axis], velocity[rows, axis] = x, v
+            x, v, of_v = smooth(times[rows], z, noise[rows, axis].copy(), jerkiness)
+            position[rows, axis], velocity[rows, axis], variance[rows, axis] = x, v, of_v
 
 
 @kernel
