@@ -23,7 +23,7 @@ Rows = npt.NDArray[np.int64]
 SURE = 3.0  # standard deviations from which on a direction is told, or two disagree
 SIDE = 0.2  # metres, standard deviation of the end of a side about the other
 SHOWN = 0.9  # quantile of the intervals of all scans that is the extent: single scans are joined with others' points
-FEW = 10.0  # points, of which the half would lie
+FEW = 10.0  # points of which a centre is known hardly better than that they are somewhere in the body
 ROUNDS = 2  # the heading needs centres, the centres a heading
 ASKEW = 0.5  # sine of the angle to the line of sight, from which on a body's end is at its left or right side
 
@@ -84,7 +84,7 @@ def points_of(tracks: Tracks, parts: Tracks, segments: Segments) -> Array:
     """Return (R,) how many points all `parts` of each row have."""
     n_scans = len(segments.begins)
     row = np.searchsorted(tracks.track * n_scans + tracks.scan, parts.track * n_scans + parts.scan)
-    return np.bincount(row, segments.terms.counts[segments.of(parts), 0], len(tracks.track))
+    return np.bincount(row, segments.terms.counts[segments.of(parts), 0], len(tracks.track)).astype(np.float64)
 
 
 def variances(tracks: Tracks, n_points: Array) -> Array:
