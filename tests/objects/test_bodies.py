@@ -18,7 +18,7 @@ def track(number, scans, x, y=0.0, velocity=(0.0, 0.0), size=(4.0, 1.8, 1.5)):
 
 
 def body_of(tracks, is_moving, n_points):
-    owner = parts_of_bodies(tracks, is_moving, np.bincount(tracks.track, n_points[tracks.track]), TIMES)
+    owner = parts_of_bodies(tracks, is_moving, is_moving, np.bincount(tracks.track, n_points[tracks.track]), TIMES)
     is_whole = np.bincount(tracks.track, owner == tracks.track, len(tracks)) > 0
     links = links_in_time(tracks, is_moving, is_whole, np.zeros(len(tracks.track)), TIMES)
     return joined(tracks, owner, *links, n_points[tracks.track])
@@ -69,7 +69,7 @@ def test_what_comes_or_goes_where_a_car_stood_and_what_is_there_much_later_is_an
     car, comes = track(0, scans, 0.0), track(1, np.arange(9, 30), np.maximum(4.0 - 0.5 * np.arange(21), 0.0))
     much_later = track(2, np.arange(58, 60), 0.0)
     tracks = Tracks.concatenate([car, comes, much_later])
-    owner = parts_of_bodies(tracks, np.arange(3) == 0, np.array([9.0, 90.0, 9.0]), TIMES)
+    owner = parts_of_bodies(tracks, np.arange(3) == 0, np.arange(3) == 0, np.array([9.0, 90.0, 9.0]), TIMES)
     np.testing.assert_array_equal(owner, tracks.track)
 
 
@@ -77,7 +77,7 @@ def test_a_slip_of_the_body_does_not_make_what_stands_in_it_another():
     scans = np.arange(30)
     car, door = track(0, scans, np.where(scans < 20, 0.0, 1.0)), track(1, scans, 0.5, size=(0.5, 0.5, 0.5))
     tracks = Tracks.concatenate([car, door])
-    owner = parts_of_bodies(tracks, np.array([True, False]), np.array([90.0, 9.0]), TIMES)
+    owner = parts_of_bodies(tracks, *2 * [np.array([True, False])], np.array([90.0, 9.0]), TIMES)
     assert (owner == 0).all()
 
 
@@ -85,7 +85,7 @@ def test_a_person_who_goes_through_a_box_is_another_body():
     scans = np.arange(30)
     car, person = track(0, scans, 0.0), track(1, scans, -1.5 + 0.1 * scans, size=(0.5, 0.5, 1.7))
     tracks = Tracks.concatenate([car, person])
-    owner = parts_of_bodies(tracks, np.array([True, True]), np.array([90.0, 9.0]), TIMES)
+    owner = parts_of_bodies(tracks, *2 * [np.array([True, True])], np.array([90.0, 9.0]), TIMES)
     np.testing.assert_array_equal(owner, tracks.track)
 
 

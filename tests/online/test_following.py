@@ -9,7 +9,7 @@ from automos.core.geometry import make_transform
 from automos.core.upright_boxes import Boxes
 from automos.objects.detections import Detections
 from automos.objects.tracker import Tracker, track_objects, until_last_seen
-from automos.objects.tracking import SCRAP
+from automos.objects.tracking import SURE
 from automos.objects.tracks import Tracks
 from automos.online.following import FEW, MEMORY, Following, Found
 
@@ -75,7 +75,7 @@ def test_what_appears_for_a_moment_moves_only_if_that_is_sure_but_at_the_start_e
         following.add(seen(0.1 * k, seen_to_move(0.26, 0.4 * k)))
         verdicts = following.at(0.1 * k, []).verdicts
         p.append((bool(verdicts.is_moving[0]), probability(following, 0.1 * k)))
-    assert 0.5 < p[3][1] < SCRAP
+    assert 0.5 < p[3][1] < SURE
     assert p[3][0] == is_at_start  # after 0.3 s
     assert p[-1][0]  # after 0.7 s
 

@@ -24,12 +24,13 @@ BESIDE = 0.3  # metres around a body's box in which its parts lie
 LONGEST = 5.0  # seconds out of sight after which a body is another
 
 
-def parts_of_bodies(tracks: Tracks, is_moving: Mask, weight: npt.NDArray, times: npt.NDArray) -> Rows:
+def parts_of_bodies(tracks: Tracks, is_moving: Mask, is_sure: Mask, weight: npt.NDArray, times: npt.NDArray) -> Rows:
     """Return (R,) for each row the track that it is a part of: its own, or a heavier moving one whose box it lies in.
 
-    What stays where a body stands before or after it is followed may be heavier.
+    What stays where a body that `is_sure` to have moved stands before or after it is followed may be heavier.
 
-    tracks : whole boxes of the moving ones.   weight : (T,) points over life.   times : (N,) seconds of the scans.
+    tracks : whole boxes of the moving ones.   is_moving, is_sure, weight : (T,), the last is points over life.
+    times : (N,) seconds of the scans.
     """
     bodies = _with_foretold(tracks[np.flatnonzero(is_moving[tracks.track])], times)
     rows, body_rows = _enclosed(tracks, bodies)
@@ -51,7 +52,7 @@ def parts_of_bodies(tracks: Tracks, is_moving: Mask, weight: npt.NDArray, times:
     for k in np.argsort(share, kind="stable"):  # the greatest share comes last and remains
         if share[k] >= 0.5:
             owner[pairs[k, 0]] = pairs[k, 1]
-    rest, of_rest = _at_rest(tracks, is_moving, times)
+    rest, of_rest = _at_rest(tracks, is_moving, is_sure, times)
     is_free = owner[rest] == rest
     owner[rest[is_free]] = of_rest[is_free]
     root = owner.copy()
@@ -62,8 +63,8 @@ def parts_of_bodies(tracks: Tracks, is_moving: Mask, weight: npt.NDArray, times:
     return np.where(is_theirs, root[tracks.track], tracks.track)
 
 
-def _at_rest(tracks: Tracks, is_moving: Mask, times: npt.NDArray) -> tuple[Rows, Rows]:
-    """Return the tracks (K,) that stay where another one stands at its end or beginning, after or before, and those.
+def _at_rest(tracks: Tracks, is_moving: Mask, is_sure: Mask, times: npt.NDArray) -> tuple[Rows, Rows]:
+    """Return the tracks (K,) that stay where another one stands at its end or beginning, after or before; and those.
 
     Of several, what stands there last before, or first after, comes last.
     """
@@ -71,7 +72,7 @@ def _at_rest(tracks: Tracks, is_moving: Mask, times: npt.NDArray) -> tuple[Rows,
     middle, last = first + n // 2, first + n - 1
     stays = np.flatnonzero(~is_moving)
     gone = np.linalg.norm(tracks.center[last] - tracks.center[first], axis=1)
-    stands = is_moving & np.stack([np.hypot(*tracks.velocity[ends, :2].T) < 3.0 * NOISE for ends in (first, last)])
+    stands = is_sure & np.stack([np.hypot(*tracks.velocity[ends, :2].T) < 3.0 * NOISE for ends in (first, last)])
     found = [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))]
     tree = cKDTree(tracks.center[middle[stays], :2])
     for ends, their, step, is_standing in ((first, last, -1, stands[0]), (last, first, 1, stands[1])):

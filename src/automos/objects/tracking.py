@@ -31,8 +31,9 @@ from automos.settings import Settings
 ENOUGH = 300.0
 """Points times seconds, or lengths of a car, of a sight without a break from which on it shows a body: of what is less,
 neither extent nor path is known, and what is lost and found again in pieces is another thing each time."""
-SCRAP = 0.9
-"""Probability from which on such a scrap moves: where poses slip for a moment, everything seems to."""
+SURE = 0.9
+"""Probability from which on such a scrap moves, as where poses slip for a moment everything seems to; and from which on
+a mover is sure enough for what stands at its place to be it."""
 _OF_PARTS = ("track", "scan", "segment", "p_moving")
 
 
@@ -107,7 +108,7 @@ def follow_and_judge(scans: Scans, settings: Settings, workers: int) -> TrackedO
     tracks, parts, verdicts, segments = _bodies(track_objects(followed, tracking), seen, stamps)
     enough = ENOUGH * min(1.0, 0.5 * np.ptp(stamps)) if len(stamps) else 0.0  # less in a short recording
     is_scrap = verdicts.is_moving & is_small(parts, len(tracks), segments, stamps, enough)
-    is_sure = is_scrap & (verdicts.confidence >= SCRAP)
+    is_sure = is_scrap & (verdicts.confidence >= SURE)
     scraps = of_tracks(parts, is_sure)
     scraps = replace(scraps, p_moving=verdicts[is_sure].confidence[scraps.track])
     tracks, parts, verdicts = of_tracks(tracks, ~is_scrap), of_tracks(parts, ~is_scrap), verdicts[~is_scrap]
@@ -163,7 +164,8 @@ def _bodies(tracks: Tracks, seen: list[SegmentTerms], stamps: Array) -> tuple[Tr
         is_moving = verdicts.is_moving
         make_whole(tracks, parts, is_moving, segments, stamps)
         n_points = np.nan_to_num(of_rows(segments.of(parts), terms.counts[:, 0]))
-        owner = parts_of_bodies(tracks, is_moving, np.bincount(parts.track, n_points, len(tracks)), stamps)
+        is_sure = is_moving & (verdicts.confidence >= SURE)
+        owner = parts_of_bodies(tracks, is_moving, is_sure, np.bincount(parts.track, n_points, len(tracks)), stamps)
         is_whole = np.bincount(tracks.track, owner == tracks.track, len(tracks)) > 0
         evidence = of_rows(segments.of(tracks), terms.evidence)
         ends, beginnings = links_in_time(tracks, is_moving, is_whole, evidence, stamps)

@@ -21,7 +21,7 @@ from automos.objects.judge import Past, is_scenery, judge_tracks, moving_now, pa
 from automos.objects.looks import MEMORY
 from automos.objects.terms import Segments, SegmentTerms, each_for_itself, segment_terms
 from automos.objects.tracker import Tracker, can_follow, until_last_seen
-from automos.objects.tracking import ENOUGH, SCRAP, is_small
+from automos.objects.tracking import ENOUGH, SURE, is_small
 from automos.objects.tracks import Tracks, observed
 from automos.objects.verdict import Verdict, Verdicts
 from automos.settings import TrackingSettings
@@ -144,7 +144,7 @@ class Following:
         # What was seen half as well as a body may be one, seen so far; its pose and evidence may soon change.
         # At the start everything is young, and nothing can be said of what was there before.
         is_young = is_small(observed(tracks), len(tracks), segments, stamps, 0.5 * ENOUGH)
-        is_unsure = is_young & (of_life.confidence < SCRAP)
+        is_unsure = is_young & (of_life.confidence < SURE)
         is_new = tracks.scan[tracks.first_rows()] > 0
         of_life = _not_moving(of_life, of_life.is_moving & is_unsure & is_new)
         late = is_recent[tracks.scan]
