@@ -81,14 +81,6 @@ def test_a_slip_of_the_body_does_not_make_what_stands_in_it_another():
     assert (owner == 0).all()
 
 
-def test_a_person_who_goes_through_a_box_is_another_body():
-    scans = np.arange(30)
-    car, person = track(0, scans, 0.0), track(1, scans, -1.5 + 0.1 * scans, size=(0.5, 0.5, 1.7))
-    tracks = Tracks.concatenate([car, person])
-    owner = parts_of_bodies(tracks, *2 * [np.array([True, True])], np.array([90.0, 9.0]), TIMES)
-    np.testing.assert_array_equal(owner, tracks.track)
-
-
 def test_the_roof_of_a_lorry_goes_with_its_wheels_and_a_bridge_does_not():
     scans = np.arange(20)
     low, high = (track(k, scans, 0.5 * scans, velocity=(5.0, 0.0), size=(8.0, 2.5, 1.5)) for k in range(2))

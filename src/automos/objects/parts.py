@@ -1,10 +1,9 @@
 """Parts: which tracklets are pieces of a moving body.
 
 Two solid bodies are never in one place. So a tracklet that lies within a moving body's box in most of its scans is a
-part of it: a wheel, the edge of a roof; but what moves by itself, and goes from it by more than half of its own length,
-is another body. So is a part what goes with a body beside it, as a mirror; of a body that stands, nobody can tell that.
-So is what lies where the body must be, shortly before it is first followed and after it is last. Where it stands then,
-all that stays there is its own, as long as something is seen there.
+part of it: a wheel, the edge of a roof. So is what goes with it beside it, as a mirror; of a body that stands, nobody
+can tell that. So is what lies where the body must be, shortly before it is first followed and after it is last. Where
+it stands then, all that stays there is its own, as long as something is seen there.
 """
 
 from __future__ import annotations
@@ -44,10 +43,8 @@ def parts_of_bodies(tracks: Tracks, is_moving: Mask, is_sure: Mask, weight: npt.
     apart = np.linalg.norm(tracks.center[rows[end]] - tracks.center[rows[begin]] - way, axis=1)
     way = np.linalg.norm(way, axis=1)
     goes_with = (way > BESIDE) & (apart <= np.maximum(0.5 * way, BESIDE))
-    goes_away = is_moving[pairs[:, 0]] & (apart > 0.5 * np.maximum(way, tracks.size[rows[begin], 0]))
     n_scans = np.where(goes_with, n_scans, np.add.reduceat(is_inside, begin, dtype=np.int64))
     share = n_scans / np.bincount(tracks.track[tracks.is_observed], minlength=len(tracks))[pairs[:, 0]]
-    share[goes_away] = 0.0
     owner = np.arange(len(tracks))
     for k in np.argsort(share, kind="stable"):  # the greatest share comes last and remains
         if share[k] >= 0.5:
