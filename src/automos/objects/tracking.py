@@ -34,6 +34,7 @@ neither extent nor path is known, and what is lost and found again in pieces is 
 SURE = 0.9
 """Probability from which on such a scrap moves, as where poses slip for a moment everything seems to; and from which on
 a mover is sure enough for what stands at its place to be it."""
+ROUNDS = 30  # in which bodies are joined: ten are usual, and two that give each other a piece would never end
 _OF_PARTS = ("track", "scan", "segment", "p_moving")
 
 
@@ -159,7 +160,7 @@ def _bodies(tracks: Tracks, seen: list[SegmentTerms], stamps: Array) -> tuple[Tr
     return_memory()
     is_moving, evidence = _judged(tracks, segments, stamps).is_moving, of_rows(segments.of(tracks), terms.evidence)
     tracks = parts = cut_where_two(tracks, is_moving, evidence, stamps)
-    while True:
+    for is_last in (k == ROUNDS for k in range(ROUNDS + 1)):
         verdicts = _judged(tracks, segments, stamps)
         is_moving = verdicts.is_moving
         make_whole(tracks, parts, is_moving, segments, stamps)
@@ -170,11 +171,12 @@ def _bodies(tracks: Tracks, seen: list[SegmentTerms], stamps: Array) -> tuple[Tr
         evidence = of_rows(segments.of(tracks), terms.evidence)
         ends, beginnings = links_in_time(tracks, is_moving, is_whole, evidence, stamps)
         kept = ~is_scenery(tracks, is_moving, segments)
-        if not len(ends) and np.array_equal(owner, tracks.track):
-            return of_tracks(tracks, kept), observed(of_tracks(parts, kept)), verdicts[kept], segments
+        if is_last or (not len(ends) and np.array_equal(owner, tracks.track)):
+            break
         first = tracks.first_rows()[parts.track]
         owner = owner[first + parts.scan - tracks.scan[first]]
         tracks, parts = joined(parts, owner, ends, beginnings, n_points)
+    return of_tracks(tracks, kept), observed(of_tracks(parts, kept)), verdicts[kept], segments
 
 
 def find_places(
